@@ -1,0 +1,1 @@
+"""Cues, one a file: each measures numbers and decides nothing."""

@@ -1,0 +1,1 @@
+"""Transforms, boxes and cameras: pure functions of arrays."""

@@ -1,0 +1,54 @@
+"""Rigid transforms as (4, 4) arrays: `a_T_b` takes points from b to a."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tcrdata.types import FloatArray
+
+
+def transform_points(a_T_b: ArrayLike, points_b: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return (N, 3) points in frame a, in the dtype of the points."""
+    matrix = np.asarray(a_T_b, dtype=np.float64)
+    moved = points_b @ matrix[:3, :3].T.astype(points_b.dtype)
+    result: NDArray[np.floating] = moved + matrix[:3, 3].astype(points_b.dtype)
+    return result
+
+
+def inverse(a_T_b: ArrayLike) -> FloatArray:
+    """Return `b_T_a` of a rigid transform."""
+    matrix = np.asarray(a_T_b, dtype=np.float64)
+    result = np.eye(4)
+    result[:3, :3] = matrix[:3, :3].T
+    result[:3, 3] = -matrix[:3, :3].T @ matrix[:3, 3]
+    return result
+
+
+def rotation_angle(rotation: ArrayLike) -> float:
+    """Return the angle in radians of a (3, 3) rotation (or of a (4, 4) transform's)."""
+    matrix = np.asarray(rotation, dtype=np.float64)[:3, :3]
+    sine = 0.5 * np.linalg.norm(
+        [matrix[2, 1] - matrix[1, 2], matrix[0, 2] - matrix[2, 0], matrix[1, 0] - matrix[0, 1]]
+    )
+    return float(np.arctan2(sine, 0.5 * (np.trace(matrix) - 1.0)))
+
+
+def as_tuples(matrix: ArrayLike) -> tuple[tuple[float, ...], ...]:
+    """Return a 2D array as nested tuples, so that frozen dataclasses can hold it."""
+    return tuple(tuple(float(v) for v in row) for row in np.asarray(matrix, dtype=np.float64))
+
+
+def level_project(
+    level_projection: FloatArray, points: NDArray[np.floating]
+) -> tuple[FloatArray, FloatArray]:
+    """Project (N, 3) level points.
+
+    Returns:
+        (N, 2) pixels (column, row) and (N,) depths in metres; pixels of points at a depth
+        <= 0 are NaN.
+    """
+    homogeneous = points.astype(np.float64) @ level_projection[:, :3].T + level_projection[:, 3]
+    depth = homogeneous[:, 2]
+    safe = np.where(depth > 0, depth, np.nan)
+    return homogeneous[:, :2] / safe[:, None], depth
