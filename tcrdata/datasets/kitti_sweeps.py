@@ -1,0 +1,51 @@
+"""Velodyne sweeps: float32 x, y, z, reflectance of each point, 16 bytes a point."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tcrdata.errors import FrameError
+from tcrdata.types import Float32Array
+
+_COLUMNS = ("x", "y", "z", "reflectance")
+_POINT_BYTES = 4 * len(_COLUMNS)
+# No sweep reaches so far: such numbers are bytes that are no sweep.
+_LARGEST_M = 10_000.0
+
+
+def size_error(name: str, size_bytes: int) -> str | None:
+    """Return what is wrong with a sweep of that size, in one line; None when nothing is."""
+    if size_bytes == 0:
+        return f"sweep {name} has no points"
+    if size_bytes % _POINT_BYTES:
+        return (
+            f"sweep {name} is cut short: {size_bytes} bytes are no multiple of {_POINT_BYTES}; "
+            "fetch it again"
+        )
+    return None
+
+
+def read_sweep(path: Path, frame: int) -> Float32Array:
+    """Return (N, 4) float32: x, y, z in the Velodyne's frame (m) and reflectance in [0, 1].
+
+    Raises:
+        FrameError: the sweep is missing, cut short, empty, or a number in it is not finite.
+    """
+    try:
+        values = np.fromfile(path, dtype=np.uint8)
+    except OSError as error:
+        raise FrameError(f"frame {frame}: cannot read '{path}': {error.strerror}") from error
+    wrong = size_error(path.name, len(values))
+    if wrong:
+        raise FrameError(f"frame {frame}: {wrong}")
+    points = values.view("<f4").astype(np.float32, copy=False).reshape(-1, len(_COLUMNS))
+    for column, name in enumerate(_COLUMNS):
+        bad = np.count_nonzero(~(np.abs(points[:, column]) < _LARGEST_M))
+        if bad:
+            raise FrameError(
+                f"frame {frame}: sweep {path.name}: {bad} of {len(points)} points have no finite "
+                f"{name} below {_LARGEST_M:g}; fetch it again"
+            )
+    return points
