@@ -110,7 +110,7 @@ def test_bev_iou_of_known_overlaps():
         ]
     )
     iou = boxes.bev_iou(a, b)
-    assert iou[0] == pytest.approx([1.0, 1 / 3, 3.3137 / (8 + 4 - 3.3137)], abs=1e-3)
+    assert iou[0] == pytest.approx([1.0, 1 / 3, 3.6569 / (8 + 4 - 3.6569)], abs=1e-3)
     assert iou[1, 2] == pytest.approx(3.3137 / (8 - 3.3137), abs=1e-3)
     assert boxes.bev_iou(a, np.empty((0, 7))).shape == (2, 0)
     assert boxes.bev_iou(a, b + np.array([50, 0, 0, 0, 0, 0, 0])).max() == 0.0
