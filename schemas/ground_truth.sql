@@ -15,6 +15,7 @@ create table ground_truth (
     height_m double,                 -- along y
     yaw_rad double,                  -- about y; heading = (cos yaw, 0, -sin yaw)
     level_R_object double[],         -- 9 numbers, row-major: full rotation; columns are the axes length, height (down), width
+    object_size_m double[],          -- 3 numbers: the object's own extents along the columns of level_R_object; other than length, height, width where it is tilted (demo)
     left_px double,                  -- 2D box
     top_px double,                   -- 2D box
     right_px double,                 -- 2D box

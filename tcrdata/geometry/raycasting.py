@@ -1,0 +1,365 @@
+"""Casts rays at analytic shapes: exact hits, hidden pixels and surface normals.
+
+Every shape is a unit shape under an affine map: the sphere |p| = 1, the box max|p| = 1, the
+cylinder x^2 + y^2 = 1, |z| <= 1, the cone with its apex at z = 1 and its unit base at z = -1, and
+the plane z = 0, seen from above. Axes are right-handed, z up; metres. A ray is
+`origin + t * direction`; a direction need not have unit length, so t is depth where its forward
+component is 1, and range where its length is 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, TypeVar
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tcrdata.types import FloatArray, IntArray
+
+Shape = Literal["plane", "sphere", "box", "cylinder", "cone"]
+PLANE, SPHERE, BOX, CYLINDER, CONE = range(5)
+KINDS: dict[str, int] = {
+    "plane": PLANE,
+    "sphere": SPHERE,
+    "box": BOX,
+    "cylinder": CYLINDER,
+    "cone": CONE,
+}
+# Radius of the ball around each unit shape; a plane has none.
+UNIT_RADII = (math.inf, 1.0, math.sqrt(3.0), math.sqrt(2.0), math.sqrt(2.0))
+NOTHING = -1
+RELIEF_STEPS = 12
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def kernel(function: F) -> F:
+    """Compile a function of scalars and arrays, keeping the machine code for the next process."""
+    compiled: F = numba.njit(cache=True, nogil=True)(function)
+    return compiled
+
+
+@dataclass(frozen=True)
+class Primitives:
+    """P shapes at one moment.
+
+    Attributes:
+        kinds: (P,) int64, values of `KINDS`.
+        unit_T_world: (P, 3, 4) affine: world (m) to the unit shape.
+        spheres: (P, 4) centre and radius (m) of a ball around each shape; infinite for planes.
+        half_sizes: (P, 3) metres a unit; for a plane (wavelength, 0, amplitude) of its relief.
+        owners: (P,) int64, the object that a shape is part of; -1 for the background. Shapes of one
+            object are neighbours.
+    """
+
+    kinds: IntArray
+    unit_T_world: FloatArray
+    spheres: FloatArray
+    half_sizes: FloatArray
+    owners: IntArray
+
+    def __len__(self) -> int:
+        return len(self.kinds)
+
+    def join(self, other: Primitives) -> Primitives:
+        """Return these shapes followed by others."""
+        return Primitives(
+            np.concatenate([self.kinds, other.kinds]),
+            np.concatenate([self.unit_T_world, other.unit_T_world]),
+            np.concatenate([self.spheres, other.spheres]),
+            np.concatenate([self.half_sizes, other.half_sizes]),
+            np.concatenate([self.owners, other.owners]),
+        )
+
+
+def place(
+    shapes: Sequence[Shape],
+    half_sizes: Sequence[Sequence[float]],
+    world_T_shape: ArrayLike,
+    owners: Sequence[int],
+) -> Primitives:
+    """Place P shapes.
+
+    Args:
+        shapes: P names.
+        half_sizes: (P, 3) metres along the shape's x, y and z: radii, half edges, half heights.
+        world_T_shape: (P, 4, 4) rigid poses of the shapes' centres.
+        owners: P object numbers, -1 for the background.
+    """
+    kinds = np.array([KINDS[shape] for shape in shapes], dtype=np.int64)
+    sizes = np.asarray(half_sizes, dtype=np.float64).reshape(-1, 3)
+    poses = np.asarray(world_T_shape, dtype=np.float64).reshape(-1, 4, 4)
+    scales = np.where((kinds == PLANE)[:, None], 1.0, sizes)
+    inverse_rotations = np.swapaxes(poses[:, :3, :3], 1, 2) / scales[:, :, None]
+    shifts = -np.einsum("pij,pj->pi", inverse_rotations, poses[:, :3, 3])
+    radii = np.array(
+        [_ball_radius(int(kind), size) for kind, size in zip(kinds, sizes, strict=True)]
+    )
+    return Primitives(
+        kinds=kinds,
+        unit_T_world=np.concatenate([inverse_rotations, shifts[:, :, None]], axis=2),
+        spheres=np.concatenate([poses[:, :3, 3], radii.reshape(-1, 1)], axis=1),
+        half_sizes=sizes,
+        owners=np.asarray(owners, dtype=np.int64).reshape(-1),
+    )
+
+
+def _ball_radius(kind: int, half_size: FloatArray) -> float:
+    if kind == PLANE:
+        return math.inf
+    if kind == SPHERE:
+        return float(half_size.max())
+    if kind == BOX:
+        return float(np.linalg.norm(half_size))
+    return math.hypot(float(half_size[:2].max()), float(half_size[2]))
+
+
+def cast(
+    primitives: Primitives, origin: ArrayLike, directions: NDArray[np.floating]
+) -> tuple[FloatArray, IntArray]:
+    """Find the first shape along each ray.
+
+    Args:
+        primitives: P shapes.
+        origin: (3,) metres, world, common to all rays.
+        directions: (N, 3) world.
+
+    Returns:
+        (N,) t in lengths of the direction, inf where nothing is hit, and (N,) indices of shapes,
+        -1 where nothing is hit.
+    """
+    return _cast(
+        primitives.kinds,
+        primitives.unit_T_world,
+        primitives.spheres,
+        primitives.half_sizes,
+        np.asarray(origin, dtype=np.float64),
+        np.ascontiguousarray(directions, dtype=np.float64),
+    )
+
+
+def count_pixels(
+    primitives: Primitives,
+    origin: ArrayLike,
+    world_R_pixel: ArrayLike,
+    windows: NDArray[np.integer],
+) -> tuple[IntArray, IntArray]:
+    """Count the pixels of each object: those it shows, and those it would show alone.
+
+    Args:
+        primitives: P shapes, owned by objects 0 to M - 1.
+        origin: (3,) the camera's centre, world.
+        world_R_pixel: (3, 3) takes a homogeneous pixel (column, row, 1) to a world direction.
+        windows: (M, 4) first column, first row, past the last column, past the last row to look at.
+
+    Returns:
+        (M,) visible pixels and (M,) pixels of the whole silhouette inside the window.
+    """
+    return _count_pixels(
+        primitives.kinds,
+        primitives.unit_T_world,
+        primitives.spheres,
+        primitives.half_sizes,
+        primitives.owners,
+        np.asarray(origin, dtype=np.float64),
+        np.ascontiguousarray(world_R_pixel, dtype=np.float64),
+        np.ascontiguousarray(windows, dtype=np.int64),
+    )
+
+
+@kernel
+def _cast(kinds, unit_T_world, spheres, half_sizes, origin, directions):  # type: ignore[no-untyped-def]
+    times = np.full(len(directions), np.inf)
+    hits = np.full(len(directions), NOTHING, dtype=np.int64)
+    for i in range(len(directions)):
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        best = np.inf
+        for p in range(len(kinds)):
+            if not may_hit(spheres, p, origin[0], origin[1], origin[2], dx, dy, dz, best):
+                continue
+            t = hit_shape(
+                kinds, unit_T_world, half_sizes, p, origin[0], origin[1], origin[2], dx, dy, dz
+            )
+            if t < best:
+                best = t
+                hits[i] = p
+        times[i] = best
+    return times, hits
+
+
+@kernel
+def _count_pixels(  # type: ignore[no-untyped-def]
+    kinds, unit_T_world, spheres, half_sizes, owners, origin, world_R_pixel, windows
+):
+    visible = np.zeros(len(windows), dtype=np.int64)
+    whole = np.zeros(len(windows), dtype=np.int64)
+    x, y, z = origin[0], origin[1], origin[2]
+    R = world_R_pixel
+    for m in range(len(windows)):
+        first, last = 0, 0
+        for p in range(len(owners)):
+            if owners[p] == m:
+                if last == 0:
+                    first = p
+                last = p + 1
+        for row in range(windows[m, 1], windows[m, 3]):
+            for column in range(windows[m, 0], windows[m, 2]):
+                dx = R[0, 0] * column + R[0, 1] * row + R[0, 2]
+                dy = R[1, 0] * column + R[1, 1] * row + R[1, 2]
+                dz = R[2, 0] * column + R[2, 1] * row + R[2, 2]
+                own = np.inf
+                for p in range(first, last):
+                    t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz)
+                    own = min(own, t)
+                if own == np.inf:
+                    continue
+                whole[m] += 1
+                hidden = False
+                for p in range(len(kinds)):
+                    if first <= p < last:
+                        continue
+                    if not may_hit(spheres, p, x, y, z, dx, dy, dz, own):
+                        continue
+                    if hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz) < own:
+                        hidden = True
+                        break
+                if not hidden:
+                    visible[m] += 1
+    return visible, whole
+
+
+@kernel
+def may_hit(spheres, p, ox, oy, oz, dx, dy, dz, limit):  # type: ignore[no-untyped-def]
+    """Tell whether a ray can meet the ball around shape p before t = limit."""
+    radius = spheres[p, 3]
+    if radius == np.inf:
+        return True
+    cx, cy, cz = spheres[p, 0] - ox, spheres[p, 1] - oy, spheres[p, 2] - oz
+    outside = cx * cx + cy * cy + cz * cz - radius * radius
+    if outside <= 0.0:
+        return True
+    along = cx * dx + cy * dy + cz * dz
+    if along <= 0.0:
+        return False
+    length2 = dx * dx + dy * dy + dz * dz
+    if along * along < outside * length2:
+        return False
+    if limit == np.inf:
+        return True
+    past = along - limit * length2
+    return past <= 0.0 or past * past <= radius * radius * length2
+
+
+@kernel
+def hit_shape(kinds, unit_T_world, half_sizes, p, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
+    """Return the t > 0 at which a ray enters shape p, or inf."""
+    A = unit_T_world[p]
+    px = A[0, 0] * ox + A[0, 1] * oy + A[0, 2] * oz + A[0, 3]
+    py = A[1, 0] * ox + A[1, 1] * oy + A[1, 2] * oz + A[1, 3]
+    pz = A[2, 0] * ox + A[2, 1] * oy + A[2, 2] * oz + A[2, 3]
+    qx = A[0, 0] * dx + A[0, 1] * dy + A[0, 2] * dz
+    qy = A[1, 0] * dx + A[1, 1] * dy + A[1, 2] * dz
+    qz = A[2, 0] * dx + A[2, 1] * dy + A[2, 2] * dz
+    kind = kinds[p]
+    if kind == BOX:
+        return _hit_box(px, py, pz, qx, qy, qz)
+    if kind == CYLINDER:
+        return _hit_cylinder(px, py, pz, qx, qy, qz)
+    if kind == SPHERE:
+        return _hit_sphere(px, py, pz, qx, qy, qz)
+    if kind == CONE:
+        return _hit_cone(px, py, pz, qx, qy, qz)
+    return _hit_plane(px, py, pz, qx, qy, qz, half_sizes[p, 0], half_sizes[p, 2])
+
+
+@kernel
+def _hit_sphere(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
+    a = qx * qx + qy * qy + qz * qz
+    b = px * qx + py * qy + pz * qz
+    c = px * px + py * py + pz * pz - 1.0
+    root = b * b - a * c
+    if root < 0.0:
+        return np.inf
+    t = (-b - math.sqrt(root)) / a
+    return t if t > 0.0 else np.inf
+
+
+@kernel
+def _slab(p, q):  # type: ignore[no-untyped-def]
+    if q == 0.0:
+        return (-np.inf, np.inf) if abs(p) <= 1.0 else (np.inf, -np.inf)
+    a, b = (-1.0 - p) / q, (1.0 - p) / q
+    return (a, b) if a < b else (b, a)
+
+
+@kernel
+def _hit_box(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
+    x0, x1 = _slab(px, qx)
+    y0, y1 = _slab(py, qy)
+    z0, z1 = _slab(pz, qz)
+    enter, leave = max(x0, y0, z0), min(x1, y1, z1)
+    return enter if 0.0 < enter <= leave else np.inf
+
+
+@kernel
+def _hit_cylinder(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
+    enter, leave = _slab(pz, qz)
+    a = qx * qx + qy * qy
+    b = px * qx + py * qy
+    c = px * px + py * py - 1.0
+    if a == 0.0:
+        if c > 0.0:
+            return np.inf
+    else:
+        root = b * b - a * c
+        if root < 0.0:
+            return np.inf
+        root = math.sqrt(root)
+        enter, leave = max(enter, (-b - root) / a), min(leave, (-b + root) / a)
+    return enter if 0.0 < enter <= leave else np.inf
+
+
+@kernel
+def _hit_cone(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
+    best = np.inf
+    # The radius at height z is (1 - z) / 2 = w - t * s along the ray.
+    w, s = 0.5 * (1.0 - pz), 0.5 * qz
+    a = qx * qx + qy * qy - s * s
+    b = px * qx + py * qy + w * s
+    c = px * px + py * py - w * w
+    root = b * b - a * c
+    if root >= 0.0 and a != 0.0:
+        root = math.sqrt(root)
+        for t in ((-b - root) / a, (-b + root) / a):
+            if 0.0 < t < best and abs(pz + t * qz) <= 1.0:
+                best = t
+    if qz > 0.0:
+        t = (-1.0 - pz) / qz
+        if 0.0 < t < best and (px + t * qx) ** 2 + (py + t * qy) ** 2 <= 1.0:
+            best = t
+    return best
+
+
+@kernel
+def relief(x, y, wavelength_m, amplitude_m):  # type: ignore[no-untyped-def]
+    """Return the height of an uneven plane, within +-amplitude: two crossing sines."""
+    if amplitude_m == 0.0:
+        return 0.0
+    k = 2.0 * math.pi / wavelength_m
+    return 0.5 * amplitude_m * (math.sin(k * x) + math.sin(1.3 * k * y + 1.0))
+
+
+@kernel
+def _hit_plane(px, py, pz, qx, qy, qz, wavelength_m, amplitude_m):  # type: ignore[no-untyped-def]
+    if qz >= 0.0:
+        return np.inf
+    t = -pz / qz
+    if amplitude_m > 0.0:
+        # The relief is much flatter than the ray, so this fixed point is reached quickly.
+        for _ in range(RELIEF_STEPS):
+            t = (relief(px + t * qx, py + t * qy, wavelength_m, amplitude_m) - pz) / qz
+    return t if t > 0.0 else np.inf
