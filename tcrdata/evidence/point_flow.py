@@ -1,0 +1,114 @@
+"""From flow in the image to flow of 3D points.
+
+Both clouds are projected. A point takes part when it is the nearest in its pixel; its flow ends
+at a pixel, and when that pixel has a nearest point too, the pair of points is a 3D displacement.
+
+Source: Harley et al., "Track, Check, Repeat" (CVPR 2021), section 3.2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcrdata.errors import FrameError
+from tcrdata.geometry.transforms import level_project, transform_points
+from tcrdata.types import Dataset, Float32Array, FloatArray, Frame, IntArray, PointCloud
+
+
+@dataclass(frozen=True)
+class PixelIndex:
+    """The nearest point of each pixel.
+
+    Attributes:
+        xyz: (N, 3) float32 points, level frame, metres.
+        points: (M,) indices of the points that are nearest in their pixel, by pixel row by row.
+        columns: (M,) their pixels.
+        rows: (M,) their pixels.
+        grid: (H, W) index of the pixel's point, -1 without one.
+    """
+
+    xyz: Float32Array
+    points: IntArray
+    columns: IntArray
+    rows: IntArray
+    grid: NDArray[np.int32]
+
+
+def projection_of(frame: Frame) -> FloatArray:
+    """Return the (3, 4) level projection of a frame; raises FrameError without a camera."""
+    projection = frame.level_projection
+    if projection is None:
+        raise FrameError(f"frame {frame.frame} of {frame.sequence} has no camera: calibrate it")
+    return projection
+
+
+def pixel_index(
+    dataset: Dataset, frame: Frame, width: int, height: int, near_m: float
+) -> PixelIndex:
+    """Read a frame's points and find the nearest of each pixel; raises FrameError."""
+    projection = projection_of(frame)
+    return index_points(dataset.read_points(frame), projection, width, height, near_m)
+
+
+def index_points(
+    cloud: PointCloud, projection: FloatArray, width: int, height: int, near_m: float
+) -> PixelIndex:
+    """Find the nearest point of each pixel.
+
+    Args:
+        cloud: N points; a depth camera's own pixels are used where it gives them.
+        projection: (3, 4), level frame to homogeneous pixels.
+        width: image width, px.
+        height: image height, px.
+        near_m: points at a depth of at most this are left out.
+    """
+    uv, depth = level_project(projection, cloud.xyz)
+    pixels = uv if cloud.pixels is None else cloud.pixels.astype(np.float64)
+    in_front = np.flatnonzero(depth > near_m)
+    columns = np.floor(pixels[in_front, 0] + 0.5)
+    rows = np.floor(pixels[in_front, 1] + 0.5)
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    points = in_front[inside]
+    cells = rows[inside].astype(np.int64) * width + columns[inside].astype(np.int64)
+    # Written far to near, so that the nearest stays; of equals the first in the cloud.
+    order = np.lexsort((-points, -depth[points]))
+    grid = np.full(height * width, -1, np.int32)
+    grid[cells[order]] = points[order]
+    filled = np.flatnonzero(grid >= 0)
+    nearest = grid[filled].astype(np.int64)
+    return PixelIndex(
+        cloud.xyz, nearest, filled % width, filled // width, grid.reshape(height, width)
+    )
+
+
+def ends(index: PixelIndex, other: PixelIndex, flow: Float32Array) -> IntArray:
+    """Return (M,): the other frame's point at which the flow of each point ends, or -1.
+
+    Args:
+        index: of the frame in which the flow starts.
+        other: of the frame in which it ends.
+        flow: (H, W, 2) px.
+    """
+    height, width = other.grid.shape
+    step = flow[index.rows, index.columns].astype(np.float64)
+    columns = np.floor(index.columns + step[:, 0] + 0.5)
+    rows = np.floor(index.rows + step[:, 1] + 0.5)
+    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+    found = np.full(len(index.points), -1, np.int64)
+    found[inside] = other.grid[rows[inside].astype(np.int64), columns[inside].astype(np.int64)]
+    return found
+
+
+def rigid_flow(
+    points: Float32Array, to_T_from: FloatArray, projection: FloatArray, projection_to: FloatArray
+) -> FloatArray:
+    """Return the (M, 2) flow in pixels that a rigid motion gives (M, 3) points of the level frame.
+
+    NaN where a point is, or ends, behind the camera.
+    """
+    before, _ = level_project(projection, points)
+    after, _ = level_project(projection_to, transform_points(to_T_from, points))
+    return after - before
