@@ -1,0 +1,38 @@
+# setup: .venv with everything, from nothing.   demo: build, score and draw the generated scene.
+# test: lint, types, tests.                     fix: format and mend what ruff can.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.ready
+DEMO ?= demo-out
+
+.PHONY: setup demo test fix clean
+.DELETE_ON_ERROR:
+
+setup: $(STAMP)
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	$(BIN)/python -m tcrdata warm
+	@touch $(STAMP)
+
+demo: setup
+	$(BIN)/tcrdata build --dataset demo --store $(DEMO)/store
+	$(BIN)/tcrdata evaluate --store $(DEMO)/store
+	$(BIN)/tcrdata evaluate --store $(DEMO)/store --moving-only
+	$(BIN)/tcrdata draw --store $(DEMO)/store --out $(DEMO)/pictures
+	@echo "pictures: $(DEMO)/pictures   store: $(DEMO)/store"
+	@echo "next: $(BIN)/tcrdata sql \"select source, count(*) from proposals group by all\" --store $(DEMO)/store"
+
+test: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/python -m pytest -n 2
+
+fix: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf .venv demo-out .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,281 @@
+"""What each command does: calls the library, then prints."""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from tcrdata import console
+from tcrdata.errors import MissingEvidenceError, QueryError, SettingsError
+from tcrdata.frame_ranges import parse_frame_ranges
+from tcrdata.settings import parse_assignments, read_toml
+
+MOST_WORKERS_BY_DEFAULT = 8
+
+
+def run_build(
+    *,
+    dataset: str,
+    root: str,
+    store_url: str,
+    sequences: tuple[str, ...] | None,
+    frames: str | None,
+    rounds: int,
+    presets: tuple[str, ...],
+    workers: int | None,
+    config: str | None,
+    assignments: list[str],
+    only_plan: bool,
+    as_json: bool,
+) -> int:
+    """Build, print the report, and return the exit code: 1 when any unit failed."""
+    from tcrdata import pipeline
+
+    if rounds != 1:
+        raise SettingsError(
+            f"--rounds {rounds}: this version makes round 1; later rounds need learned modules"
+        )
+    values = {**(read_toml(config) if config else {}), **parse_assignments(assignments)}
+    plan = pipeline.plan_build(
+        dataset,
+        root,
+        sequences=sequences,
+        frames=parse_frame_ranges(frames),
+        presets=presets,
+        assignments=values,
+    )
+    started = time.perf_counter()
+    if only_plan:
+        report = pipeline.dry_run(plan, store_url)
+    else:
+        count = workers if workers is not None else _default_workers()
+        if count < 1:
+            raise SettingsError(f"--workers {count}: at least one is needed")
+        total = len(plan.sequences) * (2 + len(plan.cues))
+        with console.build_progress(total) as progress:
+            report = pipeline.build(plan, store_url, workers=count, progress=progress)
+    seconds = time.perf_counter() - started
+    if as_json:
+        console.print_json(_report_json(report, seconds))
+    else:
+        _print_report(report, plan.sequences, store_url, seconds, only_plan=only_plan)
+    return 1 if report.count("failed") else 0
+
+
+def run_check(
+    store_url: str, preset: str, assignments: list[str], name: str | None, *, as_json: bool
+) -> int:
+    """Select labels and print how many."""
+    from tcrdata.rules import select
+    from tcrdata.store import open_store
+
+    started = time.perf_counter()
+    selection = select(
+        open_store(store_url), preset, overrides=parse_assignments(assignments), name=name
+    )
+    seconds = time.perf_counter() - started
+    if as_json:
+        console.print_json(_selection_json(selection))
+    else:
+        _print_selection(selection)
+        console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {store_url}")
+    return 0
+
+
+def run_sql(store_url: str, query: str, *, as_json: bool, as_csv: bool) -> int:
+    """Run a query and print its rows."""
+    import duckdb
+
+    import tcrdata
+
+    if as_json and as_csv:
+        raise SettingsError("--json and --csv: choose one")
+    try:
+        relation = tcrdata.open(store_url).sql(query)
+        if relation is None:
+            return 0
+        if as_json:
+            table = relation.to_arrow_table()
+            console.print_json(table.to_pylist())
+        elif as_csv:
+            writer = csv.writer(sys.stdout, lineterminator="\n")
+            writer.writerow(relation.columns)
+            while rows := relation.fetchmany(10_000):
+                writer.writerows(rows)
+        else:
+            sys.stdout.write(f"{relation}\n")
+    except duckdb.Error as error:
+        raise QueryError(f"the query does not run: {error}") from error
+    return 0
+
+
+def run_evaluate(store_url: str, selection: str | None, *, moving_only: bool, as_json: bool) -> int:
+    """Score a selection; print the protocol first, then the scores."""
+    from tcrdata.evaluation import evaluate
+    from tcrdata.store import open_store
+
+    store = open_store(store_url)
+    result = evaluate(store, _selected(store, selection), moving_only=moving_only)
+    if as_json:
+        console.print_json(result.as_dict())
+        return 0
+    sys.stdout.write(result.protocol + "\n\n")
+    console.print_table("", *result.table())
+    return 0
+
+
+def run_export(
+    format_name: str,
+    store_url: str,
+    selection: str | None,
+    out: str,
+    *,
+    overwrite: bool,
+    as_json: bool,
+) -> int:
+    """Export a selection; print the format's card."""
+    from tcrdata import registry
+    from tcrdata.store import open_store
+
+    store = open_store(store_url)
+    exporter = registry.find("exporters", format_name)
+    exported = exporter.export(store, _selected(store, selection), Path(out), overwrite=overwrite)
+    if as_json:
+        console.print_json(exported.as_dict())
+        return 0
+    sys.stdout.write(exported.card + "\n")
+    console.say(f"{exported.labels:,} labels in {len(exported.files):,} files under {out}")
+    return 0
+
+
+def run_status(store_url: str, *, as_json: bool) -> int:
+    """Print what a store holds and lacks."""
+    from tcrdata.status import store_status
+    from tcrdata.store import open_store
+
+    found = store_status(open_store(store_url))
+    if as_json:
+        console.print_json(found.as_dict())
+        return 0
+    console.print_table(
+        "units", ("done", "failed", "missing"), [(found.done, found.failed, found.missing)]
+    )
+    console.print_table("tables", ("table", "rows", "bytes", "files"), found.tables)
+    if found.problems:
+        console.print_table("problems", ("where", "frame", "what"), found.problems)
+    if found.selections:
+        console.print_table("selections", ("id", "name", "labels"), found.selections)
+    if found.missing:
+        console.say("run the same build again to make what is missing")
+    return 0
+
+
+def run_draw(
+    store_url: str,
+    out: str,
+    selection: str | None,
+    sequence: str | None,
+    frames: str | None,
+    *,
+    truth: bool,
+) -> int:
+    """Draw frames of a sequence; print the paths."""
+    from tcrdata.pictures import draw_frames
+    from tcrdata.store import open_store
+
+    store = open_store(store_url)
+    chosen = _selected(store, selection)
+    for path in draw_frames(store, chosen, Path(out), sequence, frames, with_truth=truth):
+        sys.stdout.write(f"{path}\n")
+    return 0
+
+
+def run_views(store_url: str) -> int:
+    """Print view definitions for a DuckDB shell."""
+    from tcrdata.rules import checks_view_sql
+    from tcrdata.store import open_store
+
+    store = open_store(store_url)
+    sys.stdout.write(store.view_statements())
+    rows = store.read("selections").to_pylist()
+    if rows:
+        sys.stdout.write(f"create or replace view checks as\n{checks_view_sql(rows)};\n")
+    return 0
+
+
+def _selected(store: Any, name: str | None) -> str:
+    chosen = store.newest_selection(name)
+    if chosen is None:
+        known = sorted({row["name"] for row in store.read("selections").to_pylist()})
+        what = f"no selection '{name}'; there are: {', '.join(known) or 'none'}"
+        if name is None:
+            what = "the store has no selection yet: run tcrdata check --preset tcrdata"
+        raise MissingEvidenceError(f"{store.url}: {what}")
+    return str(chosen)
+
+
+def _default_workers() -> int:
+    return min(len(os.sched_getaffinity(0)), MOST_WORKERS_BY_DEFAULT)
+
+
+def _report_json(report: Any, seconds: float) -> dict[str, Any]:
+    return {
+        "seconds": round(seconds, 3),
+        **{state: report.count(state) for state in ("made", "done", "failed", "skipped", "todo")},
+        "units": [
+            {
+                "stage": o.unit.stage,
+                "dataset": o.unit.dataset,
+                "sequence": o.unit.sequence,
+                "round": o.unit.round,
+                "state": o.state,
+                "error": o.error,
+                "frames_left_out": [{"frame": f, "error": e} for f, e in o.frame_errors],
+            }
+            for o in report.outcomes
+        ],
+        "selections": [_selection_json(selection) for selection in report.selections],
+    }
+
+
+def _selection_json(selection: Any) -> dict[str, Any]:
+    return {
+        "selection_id": selection.selection_id,
+        "name": selection.name,
+        "preset": selection.preset,
+        "proposals_judged": selection.proposals_judged,
+        "labels": selection.labels,
+    }
+
+
+def _print_report(
+    report: Any, sequences: tuple[str, ...], store_url: str, seconds: float, *, only_plan: bool
+) -> None:
+    if only_plan:
+        rows = [(o.unit.sequence, o.unit.stage, o.state) for o in report.outcomes]
+        console.print_table("plan", ("sequence", "stage", "state"), rows)
+        console.say(f"{report.count('todo')} of {len(report.outcomes)} units to make")
+        return
+    for selection in report.selections:
+        _print_selection(selection)
+    made, failed = report.count("made"), report.count("failed")
+    skipped = report.count("skipped")
+    if not made and not failed:
+        console.say(f"nothing to do: all {report.count('done')} units were done already")
+    else:
+        console.say(
+            f"{len(sequences)} sequences: {made} units made, {report.count('done')} done before, "
+            f"{failed} failed, {skipped} skipped, in {seconds:.1f} s"
+        )
+    console.say(f"next: tcrdata status --store {store_url}")
+
+
+def _print_selection(selection: Any) -> None:
+    sys.stdout.write(
+        f"selection {selection.selection_id[:12]} '{selection.name}': {selection.labels:,} labels "
+        f"from {selection.proposals_judged:,} proposals\n"
+    )

@@ -1,0 +1,96 @@
+"""What people see: tables on stdout, messages and progress on stderr, JSON when asked."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tcrdata.pipeline import UnitOutcome
+
+
+def print_json(value: Any) -> None:
+    """Print a value as JSON on stdout; NaN and infinities become null."""
+    sys.stdout.write(json.dumps(_finite(value), indent=2, default=str, allow_nan=False) + "\n")
+
+
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
+    """Print a table on stdout: numbers to the right, None as a dash."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title or None, title_justify="left", header_style="bold")
+    for index, name in enumerate(columns):
+        numeric = any(isinstance(row[index], int | float) for row in rows)
+        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+    for row in rows:
+        table.add_row(*(_shown(value) for value in row))
+    console = Console(file=sys.stdout)
+    console.print(table, width=None if console.is_terminal else 160, crop=False)
+
+
+def say(message: str) -> None:
+    """Print a message on stderr."""
+    sys.stderr.write(message + "\n")
+
+
+@contextmanager
+def build_progress(total: int) -> Iterator[Callable[[UnitOutcome], None]]:
+    """Show a bar of units on stderr while a build runs; only failures when not a terminal."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task("build", total=total)
+
+        def advance(outcome: UnitOutcome) -> None:
+            bar.update(task, advance=1, description=f"{outcome.unit.sequence} {outcome.unit.stage}")
+            where = f"{outcome.unit.dataset}/{outcome.unit.sequence} {outcome.unit.stage}"
+            if outcome.state == "failed":
+                bar.console.print(f"failed: {where}: {outcome.error}", soft_wrap=True, markup=False)
+            if outcome.state == "made":
+                for frame, message in outcome.frame_errors:
+                    line = f"left out: {where} frame {frame}: {message}"
+                    bar.console.print(line, soft_wrap=True, markup=False)
+
+        yield advance
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if value == value and abs(value) != float("inf") else None
+    if isinstance(value, dict):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return value
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
+    return str(value)

@@ -1,0 +1,147 @@
+"""Where work runs: inline, or in worker processes. Results come in the order of the items."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from types import TracebackType
+from typing import TypeVar
+
+from tcrdata.errors import EvidenceError
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+_ONE_THREAD = dict.fromkeys(
+    (
+        "OMP_NUM_THREADS",
+        "OPENBLAS_NUM_THREADS",
+        "MKL_NUM_THREADS",
+        "NUMBA_NUM_THREADS",
+        "POLARS_MAX_THREADS",
+    ),
+    "1",
+)
+
+
+class Serial:
+    """Runs every item inline."""
+
+    workers = 1
+
+    def __call__(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+        """Yield `function(item)` for each item."""
+        return map(function, items)
+
+    def __enter__(self) -> Serial:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        return None
+
+
+class Processes:
+    """Runs items in worker processes of one thread each, at most two items ahead a worker.
+
+    The workers are forked from a server process that holds no threads, so that the libraries'
+    thread pools of this process cannot deadlock them; they end when this process does, even
+    when it is killed.
+    """
+
+    def __init__(self, workers: int, preload: tuple[str, ...] = ()) -> None:
+        """Start no process yet.
+
+        Args:
+            workers: number of processes.
+            preload: modules imported once, before the workers are forked.
+        """
+        self.workers = workers
+        self._preload = preload
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __call__(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
+        """Yield `function(item)` for each item, in order.
+
+        Raises:
+            EvidenceError: a worker was killed, by the system for want of memory or by hand.
+        """
+        pool = self._started()
+        pending: deque[Future[R]] = deque()
+        try:
+            for item in items:
+                pending.append(pool.submit(function, item))
+                if len(pending) > 2 * self.workers:
+                    yield pending.popleft().result()
+            while pending:
+                yield pending.popleft().result()
+        except BrokenProcessPool as error:
+            raise EvidenceError(
+                "a worker process was killed (out of memory?): run again with fewer --workers; "
+                "what is done is kept"
+            ) from error
+        finally:
+            for future in pending:
+                future.cancel()
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self._pool is not None:
+            self._pool.shutdown(wait=True, cancel_futures=True)
+            self._pool = None
+
+    def _started(self) -> ProcessPoolExecutor:
+        if self._pool is None:
+            context = multiprocessing.get_context("forkserver")
+            context.set_forkserver_preload(list(self._preload))
+            with _environment(_ONE_THREAD):
+                self._pool = ProcessPoolExecutor(
+                    self.workers, mp_context=context, initializer=_end_with_parent
+                )
+                # The server copies the environment when it starts, with the first task.
+                self._pool.submit(os.getpid).result()
+        return self._pool
+
+
+def executor(workers: int, preload: tuple[str, ...] = ()) -> Serial | Processes:
+    """Return the executor for a number of workers: inline for one."""
+    return Serial() if workers <= 1 else Processes(workers, preload)
+
+
+@contextmanager
+def _environment(values: dict[str, str]) -> Iterator[None]:
+    before = {name: os.environ.get(name) for name in values}
+    os.environ.update(values)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def _end_with_parent() -> None:
+    """End this worker when its parent is gone, so that a killed build leaves no orphans."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

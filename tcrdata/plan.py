@@ -1,0 +1,163 @@
+"""What a build will do: stages in order, their settings and their inputs, before any work."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+from tcrdata import __version__, registry, settings
+from tcrdata.errors import SettingsError
+from tcrdata.frame_ranges import FrameRanges
+from tcrdata.store import Store, Unit
+
+FRAMES = "frames"
+TRUTH = "ground_truth"
+ROUND = 1
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One build, fixed before it starts; small and picklable.
+
+    Attributes:
+        dataset: name or dotted path of the dataset adapter.
+        root: where the dataset lies (a spec for generated ones).
+        sequences: what is built, in order.
+        frames: which frames of each sequence.
+        presets: names of the presets to select with.
+        cues: stages in an order in which each comes after those it needs.
+        cue_settings: frozen settings, one a cue.
+        parameters: overrides of rule parameters, name to SQL literal.
+    """
+
+    dataset: str
+    root: str
+    sequences: tuple[str, ...]
+    frames: FrameRanges
+    presets: tuple[str, ...]
+    cues: tuple[str, ...]
+    cue_settings: dict[str, Any] = field(default_factory=dict)
+    parameters: dict[str, str] = field(default_factory=dict)
+
+    def units(self, sequence: str) -> list[Unit]:
+        """The units of work of one sequence, in order."""
+        stages = (FRAMES, TRUTH, *self.cues)
+        return [Unit(stage, self.dataset_name, sequence, ROUND) for stage in stages]
+
+    @property
+    def dataset_name(self) -> str:
+        """The last part of the dataset's dotted path: the value of the column `dataset`."""
+        return self.dataset.rpartition(".")[2]
+
+    def settings_hash(self, stage: str) -> str:
+        """Hash of what, besides its inputs, a stage's rows follow from: settings and version."""
+        plain = settings.as_plain(self.cue_settings.get(stage))
+        return settings.digest({"version": __version__, "stage": stage, "settings": plain})
+
+    def as_plain(self) -> dict[str, Any]:
+        """The plan as plain values for the table `runs`."""
+        return {
+            "dataset": self.dataset_name,
+            "root": self.root,
+            "sequences": list(self.sequences),
+            "frames": self.frames.text,
+            "presets": list(self.presets),
+            "stages": [FRAMES, TRUTH, *self.cues],
+            "settings": {cue: settings.as_plain(self.cue_settings[cue]) for cue in self.cues},
+            "parameters": dict(sorted(self.parameters.items())),
+        }
+
+    @property
+    def run_id(self) -> str:
+        """Identity of the build: the same plan and version, the same id."""
+        return settings.digest({"version": __version__, **self.as_plain()})[:16]
+
+
+def ordered_cues(wanted: Iterable[str]) -> tuple[str, ...]:
+    """Return the cues and all that they need, each after what it needs.
+
+    Raises:
+        SettingsError: an unknown cue, or cues that need one another in a circle.
+    """
+    order: list[str] = []
+    path: list[str] = []
+
+    def visit(cue: str) -> None:
+        if cue in order:
+            return
+        if cue in path:
+            raise SettingsError(f"cues need one another in a circle: {' -> '.join([*path, cue])}")
+        path.append(cue)
+        for needed in registry.find("evidence", cue).NEEDS:
+            visit(needed)
+        path.pop()
+        order.append(cue)
+
+    for cue in sorted(wanted):
+        visit(cue)
+    return tuple(order)
+
+
+def cue_settings(cues: Iterable[str], assignments: dict[str, str]) -> dict[str, Any]:
+    """Return each cue's settings with `cue.field=value` assignments applied.
+
+    Raises:
+        SettingsError: an assignment to a cue that is not built, an unknown field, a wrong type.
+    """
+    cues = tuple(cues)
+    values: dict[str, dict[str, str]] = {cue: {} for cue in cues}
+    for name, text in assignments.items():
+        cue, _, attribute = name.partition(".")
+        if cue not in values:
+            raise SettingsError(settings.unknown(f"cue '{cue}' in '{name}={text}'", cue, cues))
+        values[cue][attribute] = text
+    return {
+        cue: settings.overridden(registry.find("evidence", cue).Settings(), values[cue], cue)
+        for cue in cues
+    }
+
+
+def cue_inputs(store: Store, unit: Unit) -> dict[str, str]:
+    """Return the digests of the records that a cue's unit reads."""
+    needed = (FRAMES, *registry.find("evidence", unit.stage).NEEDS)
+    inputs: dict[str, str] = {}
+    for stage in needed:
+        record = store.record(Unit(stage, unit.dataset, unit.sequence, unit.round))
+        inputs[stage] = record.digest if record else "missing"
+    return inputs
+
+
+def record_run(store: Store, plan: Plan) -> None:
+    """Write the plan as a row of `runs`, unless this store has it already."""
+    unit = Unit("run", "_", plan.run_id, ROUND)
+    row = {
+        "run_id": [plan.run_id],
+        "command": ["build"],
+        "version": [__version__],
+        "settings": [json.dumps(plan.as_plain(), sort_keys=True)],
+        "packages": [sorted(package_versions().items())],
+        "units": [sum(len(plan.units(sequence)) for sequence in plan.sequences)],
+    }
+    content = settings.digest({name: str(values) for name, values in row.items()})
+    if store.is_done(unit, content, {}):
+        return
+    with store.writer(unit, settings_hash=content, inputs={}) as writer:
+        writer.append("runs", row)
+
+
+def package_versions() -> dict[str, str]:
+    """Return the versions of the installed packages whose numbers end up in rows."""
+    from importlib.metadata import PackageNotFoundError, version
+
+    found: dict[str, str] = {}
+    for package in (
+        "duckdb", "kiss-icp", "numba", "numpy", "opencv-python-headless", "pyarrow",
+        "pypatchworkpp", "scikit-learn", "scipy", "shapely", "small-gicp",
+    ):  # fmt: skip
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "missing"
+    return found

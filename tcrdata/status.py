@@ -1,0 +1,91 @@
+"""What a store holds: units done, failed and missing, frames left out, rows and bytes a table."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+from tcrdata.plan import ROUND
+from tcrdata.store import Store, Unit
+
+
+@dataclass(frozen=True)
+class StoreStatus:
+    """What a store holds.
+
+    Attributes:
+        done: units with rows, or with none to have.
+        failed: units whose record says why they could not be made.
+        missing: units that a build was asked for and that have no record.
+        tables: (table, rows, bytes, files), sorted.
+        problems: (where, frame or None, message).
+        selections: (id, name, labels), oldest first.
+    """
+
+    done: int
+    failed: int
+    missing: int
+    tables: list[tuple[str, int, int, int]]
+    problems: list[tuple[str, int | None, str]]
+    selections: list[tuple[str, str, int]]
+
+    def as_dict(self) -> dict[str, Any]:
+        """The status as plain values for JSON."""
+        return {
+            "units": {"done": self.done, "failed": self.failed, "missing": self.missing},
+            "tables": [
+                dict(zip(("table", "rows", "bytes", "files"), row, strict=True))
+                for row in self.tables
+            ],
+            "problems": [
+                dict(zip(("where", "frame", "error"), row, strict=True)) for row in self.problems
+            ],
+            "selections": [
+                dict(zip(("selection_id", "name", "labels"), row, strict=True))
+                for row in self.selections
+            ],
+        }
+
+
+def store_status(store: Store) -> StoreStatus:
+    """Return what a store holds, from its commit records alone: no row is read but of `runs`."""
+    records = store.records()
+    failed = 0
+    problems: list[tuple[str, int | None, str]] = []
+    totals: dict[str, list[int]] = {}
+    for record in records:
+        where = f"{record.unit.dataset}/{record.unit.sequence} {record.unit.stage}"
+        failed += any(frame is None for frame, _ in record.errors)
+        problems.extend((where, frame, message) for frame, message in record.errors)
+        for file in record.files:
+            total = totals.setdefault(file.table, [0, 0, 0])
+            total[0] += file.rows
+            total[1] += file.bytes
+            total[2] += 1
+    have = {record.unit for record in records}
+    selections = [
+        (row["selection_id"], row["name"], row["labels"])
+        for row in store.read("selections").to_pylist()
+    ]
+    return StoreStatus(
+        done=len(records) - failed,
+        failed=failed,
+        missing=len(planned_units(store) - have),
+        tables=[(name, *totals[name]) for name in sorted(totals)],  # type: ignore[misc]
+        problems=problems,
+        selections=selections,
+    )
+
+
+def planned_units(store: Store) -> set[Unit]:
+    """Return every unit that a build of this store was asked for."""
+    units: set[Unit] = set()
+    for row in store.read("runs").to_pylist():
+        plan = json.loads(row["settings"])
+        units |= {
+            Unit(stage, plan["dataset"], sequence, ROUND)
+            for sequence in plan["sequences"]
+            for stage in plan["stages"]
+        }
+    return units

@@ -1,0 +1,155 @@
+"""The layers of the package: imports point down only, heavy ones stay where they are used."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+LAYERS = (
+    ("types", "errors", "resources", "frame_ranges"),
+    ("geometry", "settings", "registry"),
+    ("store", "reports"),
+    ("datasets", "evidence", "rules", "evaluation", "exporters", "views"),
+    ("plan", "ingest", "executors", "pipeline", "status", "pictures", "warming"),
+    ("console", "commands", "cli", "__main__"),
+)
+STRANGERS = LAYERS[3]
+HEAVY = {
+    "cv2": {"evidence", "datasets", "views"},
+    "torch": set(),
+    "matplotlib": {"views"},
+    "kiss_icp": {"evidence"},
+    "pypatchworkpp": {"evidence"},
+    "small_gicp": {"evidence"},
+    "sklearn": {"evidence"},
+    "skimage": {"evidence"},
+    "numba": {"evidence", "geometry", "datasets"},
+    "shapely": {"geometry", "evaluation"},
+}
+
+
+def part_of(path: Path, package: Path) -> str:
+    first = path.relative_to(package).parts[0]
+    return first.removesuffix(".py")
+
+
+def imports_of(path: Path) -> set[str]:
+    """Dotted names imported anywhere in a file, but not those for type checking alone."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    typing_only = {
+        inner
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    found: set[str] = set()
+    for node in ast.walk(tree):
+        if node in typing_only:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+            if node.module == "tcrdata":
+                found |= {f"tcrdata.{alias.name}" for alias in node.names}
+    return found
+
+
+def modules(repository: Path) -> list[Path]:
+    return sorted((repository / "tcrdata").rglob("*.py"))
+
+
+def test_every_part_has_a_layer(repository: Path) -> None:
+    package = repository / "tcrdata"
+    known = {name for layer in LAYERS for name in layer} | {"__init__"}
+    assert {part_of(path, package) for path in modules(repository)} <= known
+
+
+def test_imports_point_down(repository: Path) -> None:
+    package = repository / "tcrdata"
+    level = {name: index for index, layer in enumerate(LAYERS) for name in layer}
+    wrong = []
+    for path in modules(repository):
+        part = part_of(path, package)
+        if part == "__init__":
+            continue
+        for name in imports_of(path):
+            if not name.startswith("tcrdata."):
+                continue
+            other = name.split(".")[1]
+            if other in level and other != part:
+                same_strangers = part in STRANGERS and other in STRANGERS
+                if level[other] > level[part] or same_strangers:
+                    wrong.append(f"{path.relative_to(package)} imports {name}")
+    assert wrong == []
+
+
+def test_no_import_circles(repository: Path) -> None:
+    package = repository / "tcrdata"
+    names = {
+        ".".join(("tcrdata", *path.relative_to(package).with_suffix("").parts)).removesuffix(
+            ".__init__"
+        ): path
+        for path in modules(repository)
+    }
+    graph = {name: top_level_imports(path) & set(names) - {name} for name, path in names.items()}
+    done: set[str] = set()
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        assert name not in path, " -> ".join((*path, name))
+        if name not in done:
+            for other in sorted(graph[name]):
+                visit(other, (*path, name))
+            done.add(name)
+
+    for name in graph:
+        visit(name, ())
+
+
+def top_level_imports(path: Path) -> set[str]:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found: set[str] = set()
+    for node in tree.body:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found.add(node.module)
+    return found
+
+
+@pytest.mark.parametrize("library", sorted(HEAVY))
+def test_heavy_libraries_stay_where_they_are_used(repository: Path, library: str) -> None:
+    package = repository / "tcrdata"
+    users = {
+        part_of(path, package)
+        for path in modules(repository)
+        if any(name.split(".")[0] == library for name in imports_of(path))
+    }
+    assert users <= HEAVY[library]
+
+
+def test_help_needs_no_heavy_library() -> None:
+    code = (
+        "import sys; import tcrdata.cli; "
+        "heavy = ['torch', 'cv2', 'numpy', 'duckdb', 'pyarrow', 'polars', 'numba', 'scipy']; "
+        "print([name for name in heavy if name in sys.modules])"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert result.stdout.strip() == "[]"
+
+
+def test_only_the_store_opens_store_paths(repository: Path) -> None:
+    """fsspec is used in one place, so that another kind of storage touches one place."""
+    package = repository / "tcrdata"
+    users = {
+        path.relative_to(package).as_posix()
+        for path in modules(repository)
+        if any(name.split(".")[0] == "fsspec" for name in imports_of(path))
+    }
+    assert users == {"store/filesystem.py"}
