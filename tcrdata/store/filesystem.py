@@ -1,0 +1,287 @@
+"""The one door to a store's files: any fsspec URL, exclusive creation, nothing half visible.
+
+On the local disk a file is written to `<store>/tmp/`, synced, and linked to its name: it is there
+whole or not at all, whatever kills the writer. Elsewhere the filesystem's own exclusive creation
+does it. No other module opens a path of the store.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import io
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, BinaryIO, Protocol
+
+import pyarrow.fs
+
+from tcrdata.errors import StoreError
+
+TEMPORARY = "tmp"
+_FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+@contextmanager
+def storage_errors(path: str) -> Iterator[None]:
+    """Turn an OSError into a StoreError that names the path and what to do."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _FULL:
+            raise StoreError(
+                f"{path}: the disk is full; free some space and run again, "
+                "what was committed is kept"
+            ) from error
+        reason = error.strerror or str(error) or type(error).__name__
+        raise StoreError(f"{path}: {reason}") from error
+
+
+class HashingFile(io.RawIOBase):
+    """A file being written whose size and sha256 are known at its end."""
+
+    def __init__(self, target: BinaryIO) -> None:
+        super().__init__()
+        self._target = target
+        self._hash = hashlib.sha256()
+        self.size = 0
+
+    def writable(self) -> bool:
+        """It only writes."""
+        return True
+
+    def write(self, data: Any) -> int:
+        """Write all of the data."""
+        self._hash.update(data)
+        self._target.write(data)
+        length = memoryview(data).nbytes
+        self.size += length
+        return length
+
+    @property
+    def sha256(self) -> str:
+        """Of what was written so far."""
+        return self._hash.hexdigest()
+
+
+class Staging(Protocol):
+    """Where files grow that nobody may see yet."""
+
+    def open(self) -> BinaryIO:
+        """Start a new file."""
+        ...
+
+    def publish(self, file: BinaryIO, path: str) -> bool:
+        """Give a finished file its name in the store; False when that is taken."""
+        ...
+
+
+class Filesystem:
+    """A store's files by paths relative to it; pickles as its URL.
+
+    Raises:
+        StoreError: the URL's protocol is unknown or its package is not installed.
+    """
+
+    def __init__(self, url: str) -> None:
+        import fsspec
+
+        self.url = url
+        try:
+            self.fs, self.root = fsspec.core.url_to_fs(url)
+        except (ImportError, ValueError) as error:
+            raise StoreError(f"{url} is not a place for a store: {error}") from error
+        self.is_local = "file" in _protocols(self.fs)
+
+    def __reduce__(self) -> tuple[type[Filesystem], tuple[str]]:
+        return Filesystem, (self.url,)
+
+    def full_path(self, path: str) -> str:
+        """The path as the filesystem itself wants it."""
+        return f"{self.root.rstrip('/')}/{path}"
+
+    def read(self, path: str) -> bytes:
+        """The content of a file; StoreError when there is none."""
+        with storage_errors(self.full_path(path)):
+            return bytes(self.fs.cat_file(self.full_path(path)))
+
+    def open(self, path: str) -> Any:
+        """A file for random reading; StoreError when there is none."""
+        with storage_errors(self.full_path(path)):
+            if self.is_local:
+                return pyarrow.OSFile(self.full_path(path), "rb")
+            return self.fs.open(self.full_path(path), "rb")
+
+    def size(self, path: str) -> int | None:
+        """Bytes of a file; None when there is none."""
+        try:
+            if self.is_local:
+                return Path(self.full_path(path)).stat().st_size
+            return int(self.fs.size(self.full_path(path)))
+        except FileNotFoundError:
+            return None
+
+    def find(self, folder: str) -> list[str]:
+        """Every file below a folder, relative to the store, sorted; none when it is absent."""
+        top = self.full_path(folder)
+        with storage_errors(top):
+            if self.is_local:
+                found = [f"{base}/{name}" for base, _, names in os.walk(top) for name in names]
+            else:
+                self.fs.invalidate_cache(top)
+                found = self.fs.find(top)
+        start = len(self.root.rstrip("/")) + 1
+        return sorted(path[start:] for path in found)
+
+    def is_empty(self) -> bool:
+        """Whether nothing lies at the root but what a killed writer may leave."""
+        if not self.fs.exists(self.root):
+            return True
+        names = {path.rstrip("/").rpartition("/")[2] for path in self.fs.ls(self.root, False)}
+        return names <= {TEMPORARY}
+
+    def create(self, path: str, data: bytes) -> bool:
+        """Create a file exclusively, whole or not at all; False when it is already there."""
+        with self.staging() as staging:
+            file = staging.open()
+            with storage_errors(self.full_path(path)):
+                file.write(data)
+            return staging.publish(file, path)
+
+    @contextmanager
+    def staging(self) -> Iterator[Staging]:
+        """A place for growing files; gone at the end with all that was not published."""
+        if not self.is_local:
+            yield _RemoteStaging(self)
+            return
+        self.sweep()
+        with storage_errors(self.root):
+            folder, lock = _locked_folder(Path(self.full_path(TEMPORARY)))
+        try:
+            yield _LocalStaging(self, folder)
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+            os.close(lock)
+            with suppress(OSError):
+                folder.parent.rmdir()
+
+    def sweep(self) -> None:
+        """Remove what killed writers left; living ones hold a lock on theirs."""
+        top = Path(self.full_path(TEMPORARY))
+        if not self.is_local or not top.is_dir():
+            return
+        for folder in sorted(top.iterdir()):
+            with suppress(FileNotFoundError):
+                if (lock := _try_lock(folder)) is not None:
+                    shutil.rmtree(folder, ignore_errors=True)
+                    os.close(lock)
+        with suppress(OSError):
+            top.rmdir()
+
+    def arrow(self) -> pyarrow.fs.FileSystem:
+        """The same filesystem for pyarrow."""
+        return pyarrow.fs.PyFileSystem(pyarrow.fs.FSSpecHandler(self.fs))
+
+
+class _LocalStaging:
+    """Files in a folder of `<store>/tmp/`, linked into place."""
+
+    def __init__(self, files: Filesystem, folder: Path) -> None:
+        self._files = files
+        self._folder = folder
+        self._count = 0
+
+    def open(self) -> BinaryIO:
+        self._count += 1
+        path = self._folder / f"{self._count}"
+        with storage_errors(str(path)):
+            return path.open("xb")
+
+    def publish(self, file: BinaryIO, path: str) -> bool:
+        target = Path(self._files.full_path(path))
+        with storage_errors(str(target)):
+            file.flush()
+            os.fsync(file.fileno())
+            file.close()
+            _make_folders(target.parent)
+            try:
+                os.link(file.name, target)
+            except FileExistsError:
+                return False
+            _sync_folder(target.parent)
+        return True
+
+
+class _RemoteStaging:
+    """Files in memory, sent whole by the filesystem's own exclusive creation."""
+
+    def __init__(self, files: Filesystem) -> None:
+        self._files = files
+
+    def open(self) -> BinaryIO:
+        return io.BytesIO()
+
+    def publish(self, file: BinaryIO, path: str) -> bool:
+        assert isinstance(file, io.BytesIO)
+        target = self._files.full_path(path)
+        with storage_errors(target):
+            try:
+                self._files.fs.pipe_file(target, file.getvalue(), mode="create")
+            except FileExistsError:
+                return False
+        return True
+
+
+def _protocols(filesystem: Any) -> tuple[str, ...]:
+    protocol = filesystem.protocol
+    return (protocol,) if isinstance(protocol, str) else tuple(protocol)
+
+
+def _locked_folder(top: Path) -> tuple[Path, int]:
+    """Make a folder and lock it; again when a sweep came between the two."""
+    while True:
+        top.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):
+            folder = Path(tempfile.mkdtemp(dir=top))
+            if (lock := _try_lock(folder)) is not None:
+                return folder, lock
+
+
+def _try_lock(folder: Path) -> int | None:
+    """Lock a folder's lock file; None when a living writer holds it or a sweep removed it.
+
+    The system drops the lock when its process dies, however it dies.
+    """
+    import fcntl
+
+    path = folder / "lock"
+    lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if path.stat().st_ino == os.fstat(lock).st_ino:
+            return lock
+    except (BlockingIOError, FileNotFoundError):
+        pass
+    os.close(lock)
+    return None
+
+
+def _make_folders(folder: Path) -> None:
+    """Make a folder and its parents, each synced into its own parent."""
+    if folder.is_dir():
+        return
+    _make_folders(folder.parent)
+    folder.mkdir(exist_ok=True)
+    _sync_folder(folder.parent)
+
+
+def _sync_folder(folder: Path) -> None:
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

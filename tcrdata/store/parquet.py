@@ -1,0 +1,112 @@
+"""Rows to Parquet and back, deterministically.
+
+Light tables: zstd 3. Heavy tables: one row a row group, nothing compressed, for their bytes
+already are; so one row is read without its neighbours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from threading import Lock
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from tcrdata.errors import SchemaError, StoreError
+from tcrdata.store.filesystem import Filesystem
+from tcrdata.store.schemas import arrow_schema, is_heavy
+
+ROWS_A_HEAVY_FILE = 512
+_ROWS_A_LIGHT_GROUP = 131072
+
+
+def parquet_writer(file: Any, table: str) -> pq.ParquetWriter:
+    """A writer of one file of a table; equal rows give equal bytes."""
+    schema = arrow_schema(table)
+    if not is_heavy(table):
+        return pq.ParquetWriter(file, schema, compression="zstd", compression_level=3)
+    return pq.ParquetWriter(
+        file,
+        schema,
+        compression="none",
+        use_dictionary=False,
+        write_statistics=light_columns(table),
+    )
+
+
+def write_rows(writer: pq.ParquetWriter, table: str, rows: pa.Table) -> None:
+    """Write rows with the table's row groups."""
+    writer.write_table(rows, row_group_size=1 if is_heavy(table) else _ROWS_A_LIGHT_GROUP)
+
+
+def light_columns(table: str) -> list[str]:
+    """Columns without dense arrays: what rows can be chosen by."""
+    nested = (pa.types.is_binary, pa.types.is_struct, pa.types.is_list, pa.types.is_map)
+    return [f.name for f in arrow_schema(table) if not any(test(f.type) for test in nested)]
+
+
+@contextmanager
+def damage_errors(path: str) -> Iterator[None]:
+    """Turn what pyarrow says of a torn file into a StoreError that names the file."""
+    try:
+        yield
+    except (pa.ArrowException, OSError, EOFError) as error:
+        reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+        raise StoreError(
+            f"{path} is damaged or missing ({reason}): restore it, or delete it and its "
+            "sequence's commit records and build again"
+        ) from error
+
+
+class ParquetHandle:
+    """An open file; where rows are chosen by their values it reads only their row groups."""
+
+    def __init__(self, files: Filesystem, path: str, table: str) -> None:
+        self.path = files.full_path(path)
+        self._table = table
+        self._lock = Lock()
+        self._keys: pa.Table | None = None
+        with damage_errors(self.path):
+            self._file = pq.ParquetFile(files.open(path), pre_buffer=not files.is_local)
+
+    def read(self, columns: Sequence[str], equals: Mapping[str, Any]) -> pa.Table:
+        """Rows with `column == value`, in file order, as the table's schema has them."""
+        with self._lock, damage_errors(self.path):
+            if is_heavy(self._table) and equals:
+                rows = self._file.read_row_groups(self._matching_groups(equals), list(columns))
+            else:
+                wanted = list(dict.fromkeys([*columns, *equals]))
+                rows = self._file.read(wanted)
+                if equals:
+                    rows = rows.filter(row_mask(rows, equals))
+                rows = rows.select(list(columns))
+        return rows.cast(pa.schema([arrow_schema(self._table).field(name) for name in columns]))
+
+    def _matching_groups(self, equals: Mapping[str, Any]) -> list[int]:
+        """Numbers of the row groups that match: each holds one row, so they are the rows'."""
+        if self._keys is None:
+            self._keys = self._file.read(light_columns(self._table))
+        return list(pc.indices_nonzero(row_mask(self._keys, equals)).to_pylist())
+
+
+def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:
+    """Which rows have `column == value` for every pair; None asks for NULL.
+
+    Raises:
+        SchemaError: a value's type does not fit its column.
+    """
+    mask: Any = None
+    for name, value in equals.items():
+        column = rows[name]
+        try:
+            scalar = pa.scalar(value, type=column.type)
+        except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
+            raise SchemaError(f"column {name} cannot equal {value!r}: {error}") from error
+        same = (
+            pc.is_null(column) if value is None else pc.fill_null(pc.equal(column, scalar), False)
+        )
+        mask = same if mask is None else pc.and_(mask, same)
+    return mask

@@ -1,0 +1,139 @@
+"""The tables of the store, read from `schemas/*.sql`: names, columns, Arrow types, weight."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import pyarrow as pa
+
+from tcrdata.errors import SchemaError
+from tcrdata.resources import resource_files
+
+SCHEMA_VERSION = 1
+"""Version of all tables together; a store made with another one is refused."""
+
+_SCALARS = {
+    "varchar": pa.string(),
+    "blob": pa.binary(),
+    "boolean": pa.bool_(),
+    "integer": pa.int32(),
+    "bigint": pa.int64(),
+    "double": pa.float64(),
+}
+# What the `datasets` library looks for to load a struct of bytes and path as an image.
+_HUGGING_FACE_IMAGE = (
+    b'{"info": {"features": {"dataset": {"dtype": "string", "_type": "Value"}, '
+    b'"sequence": {"dtype": "string", "_type": "Value"}, '
+    b'"frame": {"dtype": "int32", "_type": "Value"}, '
+    b'"round": {"dtype": "int32", "_type": "Value"}, "image": {"_type": "Image"}}}}'
+)
+
+
+class Column(NamedTuple):
+    """A column of a table: its name, its SQL type, and its comment (meaning, unit, frame)."""
+
+    name: str
+    type: str
+    comment: str
+
+
+class _Table(NamedTuple):
+    ddl: str
+    weight: str
+    columns: list[Column]
+    schema: pa.Schema
+
+
+def table_names() -> list[str]:
+    """Names of all tables, sorted; `checks`, which is a view, among them."""
+    return list(_tables())
+
+
+def arrow_schema(table: str) -> pa.Schema:
+    """The Arrow schema of a table; columns declared `not null` are not nullable.
+
+    Raises:
+        SchemaError: there is no such table.
+    """
+    return _table(table).schema
+
+
+def is_heavy(table: str) -> bool:
+    """Whether a table keeps one row a row group, because its rows carry dense arrays."""
+    return _table(table).weight == "heavy"
+
+
+def is_view(table: str) -> bool:
+    """Whether a table is worked out when it is asked for and never written."""
+    return _table(table).weight == "view"
+
+
+def ddl(table: str) -> str:
+    """The text of the table's file in `schemas/`."""
+    return _table(table).ddl
+
+
+def columns(table: str) -> list[Column]:
+    """Name, SQL type and comment of each column, in order."""
+    return _table(table).columns
+
+
+def _table(name: str) -> _Table:
+    try:
+        return _tables()[name]
+    except KeyError:
+        known = ", ".join(_tables())
+        raise SchemaError(f"there is no table '{name}': the tables are {known}") from None
+
+
+@lru_cache(maxsize=1)
+def _tables() -> dict[str, _Table]:
+    import duckdb
+
+    with duckdb.connect() as connection:
+        return {path.stem: _parse(connection, path) for path in resource_files("schemas/*.sql")}
+
+
+def _parse(connection: object, path: Path) -> _Table:
+    """Let DuckDB read the DDL: no second parser of SQL to keep in step with it."""
+    import duckdb
+
+    assert isinstance(connection, duckdb.DuckDBPyConnection)
+    text = path.read_text(encoding="utf-8")
+    connection.execute(text)
+    described = connection.execute(
+        "select column_name, data_type, is_nullable from duckdb_columns() "
+        "where table_name = ? order by column_index",
+        [path.stem],
+    ).fetchall()
+    comments = _comments(text)
+    found = [Column(name, kind.lower(), comments.get(name, "")) for name, kind, _ in described]
+    fields = [pa.field(n, arrow_type(kind), nullable=null) for n, kind, null in described]
+    metadata = {b"huggingface": _HUGGING_FACE_IMAGE} if path.stem == "images" else None
+    return _Table(text, _weight(text), found, pa.schema(fields, metadata=metadata))
+
+
+def _weight(text: str) -> str:
+    header = [line.removeprefix("-- weight:") for line in text.splitlines()]
+    return next((w.strip() for w, line in zip(header, text.splitlines(), strict=True) if w != line))
+
+
+def _comments(text: str) -> dict[str, str]:
+    lines = [line.strip().partition("--") for line in text.splitlines()]
+    return {code.split()[0]: comment.strip() for code, _, comment in lines if code and comment}
+
+
+def arrow_type(sql_type: str) -> pa.DataType:
+    """The Arrow type of a DuckDB type's name, nested ones included."""
+    import duckdb
+
+    kind = duckdb.type(sql_type) if isinstance(sql_type, str) else sql_type
+    if kind.id == "list":
+        return pa.list_(arrow_type(kind.children[0][1]))
+    if kind.id == "map":
+        return pa.map_(arrow_type(kind.children[0][1]), arrow_type(kind.children[1][1]))
+    if kind.id == "struct":
+        return pa.struct([pa.field(name, arrow_type(child)) for name, child in kind.children])
+    return _SCALARS[kind.id]

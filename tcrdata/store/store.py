@@ -1,0 +1,320 @@
+"""The store: units in, tables out. Nothing is overwritten; no clock, no lock, no server."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+
+from tcrdata.errors import SchemaError, StoreError
+from tcrdata.store import snapshots
+from tcrdata.store.commits import ANY_DATASET, CommitRecord, FileEntry, Unit, dump_json, load_json
+from tcrdata.store.filesystem import Filesystem
+from tcrdata.store.history import History
+from tcrdata.store.parquet import ParquetHandle
+from tcrdata.store.schemas import SCHEMA_VERSION, arrow_schema, is_view, table_names
+from tcrdata.store.snapshots import Snapshot
+from tcrdata.store.views import connect, create_views, lazy_frame
+from tcrdata.store.writer import Writer
+
+if TYPE_CHECKING:
+    import duckdb
+    import polars
+
+_STORE_FILE = "store.json"
+_OPEN_FILES = 64
+_FOLD_FROM = 256
+
+
+def open_store(url: str, create: bool = False) -> Store:
+    """Open a store.
+
+    Args:
+        url: a folder or any fsspec URL.
+        create: make it when nothing is there, and clean up after killed writers.
+
+    Raises:
+        StoreError: there is no store, or the folder holds something else.
+        SchemaError: it has another schema version.
+    """
+    files = Filesystem(str(url))
+    if files.size(_STORE_FILE) is None:
+        if not create:
+            raise StoreError(f"there is no store at {url}: make one with `tcrdata build`")
+        if not files.is_empty():
+            raise StoreError(f"{url} is not a store and not empty: give a new or empty folder")
+        files.create(_STORE_FILE, dump_json({"schema_version": SCHEMA_VERSION}))
+    content = load_json(files.full_path(_STORE_FILE), files.read(_STORE_FILE))
+    version = content.get("schema_version") if isinstance(content, dict) else None
+    if version != SCHEMA_VERSION:
+        raise SchemaError(
+            f"the store {url} has schema version {version}, this tcrdata reads {SCHEMA_VERSION}: "
+            "build into a new store, or use the tcrdata that made it"
+        )
+    if create:
+        files.sweep()
+    return Store(files)
+
+
+@dataclass(frozen=True)
+class SequenceTables:
+    """The tables of one sequence and round; satisfies `tcrdata.types.Tables`."""
+
+    store: Store
+    dataset: str
+    sequence: str
+    round: int
+
+    def read(self, table: str, columns: Sequence[str] | None = None, **equals: Any) -> pa.Table:
+        """Rows of this sequence and round; see `Store.read`."""
+        keys = {"dataset": self.dataset, "sequence": self.sequence, "round": self.round}
+        return self.store.read(table, columns=columns, **keys, **equals)
+
+
+class Store:
+    """Tables of immutable files, made visible by commit records. Pickles as its URL."""
+
+    def __init__(self, files: Filesystem) -> None:
+        self._files = files
+        self._history = History(files)
+        self._handles: OrderedDict[str, ParquetHandle] = OrderedDict()
+        self._lock = Lock()
+
+    def __reduce__(self) -> tuple[type[Store], tuple[Filesystem]]:
+        return Store, (self._files,)
+
+    @property
+    def url(self) -> str:
+        """Where the store lies."""
+        return self._files.url
+
+    def record(self, unit: Unit) -> CommitRecord | None:
+        """The newest record of a unit; None when it is not done."""
+        return self._history.newest(unit)
+
+    def records(self) -> list[CommitRecord]:
+        """The newest record of every unit, sorted by dataset, sequence, round and stage."""
+        return self._history.all_newest()
+
+    def is_done(self, unit: Unit, settings_hash: str, inputs: Mapping[str, str]) -> bool:
+        """Whether the newest record of a unit was made with these settings and inputs."""
+        record = self.record(unit)
+        return record is not None and record.matches(settings_hash, inputs)
+
+    def checkpoint(self, least: int = _FOLD_FROM) -> bool:
+        """Fold the records into one file, so that readers make few requests.
+
+        Does nothing while fewer than `least` records are in no checkpoint. Call it at the end of
+        a build: then the same build leaves the same files, however often it was interrupted.
+        """
+        return self._history.checkpoint(least)
+
+    @contextmanager
+    def writer(
+        self, unit: Unit, *, settings_hash: str, inputs: Mapping[str, str]
+    ) -> Iterator[Writer]:
+        """Open a unit for writing; it is committed when the block ends without an exception.
+
+        A redo with other settings or inputs than the newest record's takes the next generation.
+
+        Raises:
+            ConflictError: another writer committed other content meanwhile.
+            SchemaError: rows do not fit a table.
+            StoreError: the disk is full.
+        """
+        last = self.record(unit)
+        generation = 1
+        if last is not None:
+            generation = last.generation + (not last.matches(settings_hash, inputs))
+        with self._files.staging() as staging:
+            writer = Writer(self._files, staging, unit)
+            try:
+                yield writer
+                writer.commit(generation, settings_hash, inputs)
+            finally:
+                writer.abandon()
+
+    def files(
+        self,
+        table: str,
+        *,
+        snapshot: str | None = None,
+        dataset: str | None = None,
+        sequence: str | None = None,
+        round: int | None = None,
+    ) -> list[FileEntry]:
+        """The files of a table, by dataset, sequence, round and stage, narrowed by the keys given.
+
+        Files of selections (dataset `_`) hold rows of any sequence, so they are always listed.
+
+        Raises:
+            SchemaError: there is no such table.
+            StoreError: the snapshot is unknown or does not cover the table.
+        """
+        entries = self._entries([table], snapshot)[table]
+        return [entry for entry in entries if _may_hold(entry.unit, dataset, sequence, round)]
+
+    def read(
+        self,
+        table: str,
+        *,
+        columns: Sequence[str] | None = None,
+        dataset: str | None = None,
+        sequence: str | None = None,
+        round: int | None = None,
+        snapshot: str | None = None,
+        **equals: Any,
+    ) -> pa.Table:
+        """Rows of a table, in file order.
+
+        Of heavy tables only the rows that match are read; light ones are filtered once read.
+
+        Args:
+            table: a table of `schemas/`.
+            columns: those wanted; all when None.
+            dataset: rows of this dataset.
+            sequence: rows of this sequence.
+            round: rows of this round.
+            snapshot: read its files instead of the newest.
+            **equals: further `column == value`.
+
+        Raises:
+            SchemaError: an unknown table or column, or a value of another type than its column.
+            StoreError: a file is damaged; names it.
+        """
+        schema = arrow_schema(table)
+        keys = {"dataset": dataset, "sequence": sequence, "round": round}
+        given = {name: value for name, value in keys.items() if value is not None}
+        wanted = list(schema.names) if columns is None else list(columns)
+        for name in (*wanted, *equals):
+            if name not in schema.names:
+                known = ", ".join(schema.names)
+                raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
+        found = []
+        for entry in self.files(table, snapshot=snapshot, **given):
+            rest = {k: v for k, v in given.items() if getattr(entry.unit, k) != v}
+            rest = {name: value for name, value in rest.items() if name in schema.names}
+            found.append(self._handle(entry).read(wanted, {**rest, **equals}))
+        empty = pa.schema([schema.field(name) for name in wanted]).empty_table()
+        return pa.concat_tables([empty, *found])
+
+    def tables(self, dataset: str, sequence: str, round: int) -> SequenceTables:
+        """The tables of one sequence and round, as cues get them."""
+        return SequenceTables(self, dataset, sequence, round)
+
+    def connect(
+        self,
+        *,
+        snapshot: str | None = None,
+        tables: Sequence[str] | None = None,
+        views: Mapping[str, str] | None = None,
+    ) -> duckdb.DuckDBPyConnection:
+        """A DuckDB connection with one view a table over the files of this moment.
+
+        Args:
+            snapshot: its files instead of the newest; only the tables it covers.
+            tables: only these.
+            views: name to SQL of further views, made after the tables; one of a table's name
+                takes its place. Without one for `checks` that is an empty table.
+
+        Raises:
+            StoreError: a file is damaged, or the snapshot does not cover a table.
+            QueryError: the SQL of a view does not bind.
+        """
+        return connect(self._files, self._entries(tables, snapshot), views or {})
+
+    def add_snapshot(
+        self,
+        connection: duckdb.DuckDBPyConnection,
+        snapshot: str,
+        schema: str,
+        views: Mapping[str, str] | None = None,
+    ) -> None:
+        """Add a snapshot's tables to a connection under a schema, with views that read them.
+
+        Raises:
+            StoreError: the snapshot is unknown, or a file is damaged.
+            QueryError: the SQL of a view does not bind.
+        """
+        entries = self._entries(None, snapshot)
+        create_views(connection, self._files, entries, views or {}, schema)
+
+    def scan(self, table: str, *, snapshot: str | None = None) -> polars.LazyFrame:
+        """A table as a polars LazyFrame over the files of this moment."""
+        return lazy_frame(self._files, table, self.files(table, snapshot=snapshot))
+
+    def freeze(self, name: str | None = None, tables: Sequence[str] | None = None) -> Snapshot:
+        """Freeze the files of this moment; without a name it is named by its content.
+
+        Raises:
+            ConflictError: the name is taken by another list of files.
+        """
+        chosen = [t for t in table_names() if not is_view(t)] if tables is None else list(tables)
+        entries = self._entries(chosen, None)
+        flat = [entry for table in sorted(entries) for entry in entries[table]]
+        return snapshots.freeze(self._files, name, chosen, flat)
+
+    def snapshot(self, name: str) -> Snapshot:
+        """Read a snapshot; StoreError when there is none of that name."""
+        return snapshots.read_snapshot(self._files, name)
+
+    def snapshots(self) -> list[str]:
+        """Names of all snapshots, sorted."""
+        return snapshots.snapshot_names(self._files)
+
+    def point_to(self, selection_id: str, name: str) -> None:
+        """Make a selection the newest one; nothing is written when it already is."""
+        snapshots.point_to(self._files, selection_id, name)
+
+    def newest_selection(self, name: str | None = None) -> str | None:
+        """Id of the newest selection, or of the newest that a name, an id or its beginning means.
+
+        Raises:
+            StoreError: the beginning of an id (6 characters or more) fits several.
+        """
+        return snapshots.newest_selection(self._files, name)
+
+    def _entries(
+        self, tables: Sequence[str] | None, snapshot: str | None
+    ) -> dict[str, list[FileEntry]]:
+        """The files of each table."""
+        if snapshot is None:
+            chosen = table_names() if tables is None else tables
+            found = (entry for record in self.records() for entry in record.files)
+        else:
+            frozen = self.snapshot(snapshot)
+            chosen = frozen.tables if tables is None else tables
+            found = iter(frozen.files)
+            if missing := sorted(set(chosen) - set(frozen.tables)):
+                raise StoreError(f"the snapshot {snapshot} does not cover table {missing[0]}")
+        entries: dict[str, list[FileEntry]] = {table: [] for table in chosen}
+        for table in chosen:
+            arrow_schema(table)
+        for entry in found:
+            if entry.table in entries:
+                entries[entry.table].append(entry)
+        return entries
+
+    def _handle(self, entry: FileEntry) -> ParquetHandle:
+        """An open file; the last few stay open."""
+        with self._lock:
+            handle = self._handles.pop(entry.path, None)
+            if handle is None:
+                handle = ParquetHandle(self._files, entry.path, entry.table)
+            self._handles[entry.path] = handle
+            if len(self._handles) > _OPEN_FILES:
+                self._handles.popitem(last=False)
+            return handle
+
+
+def _may_hold(unit: Unit, dataset: str | None, sequence: str | None, round: int | None) -> bool:
+    """Whether rows with these keys may lie in a unit's files."""
+    if unit.dataset == ANY_DATASET and dataset != ANY_DATASET:
+        return True
+    wanted = ((unit.dataset, dataset), (unit.sequence, sequence), (unit.round, round))
+    return all(asked is None or own == asked for own, asked in wanted)
