@@ -67,7 +67,8 @@ class Handle:
         from tcrdata.store.schemas import is_view
 
         if is_view(name):
-            return self.sql(f"from {name}").pl().lazy()
+            frame: polars.DataFrame = self.sql(f"from {name}").pl()
+            return frame.lazy()
         return self._store.scan(name)
 
     def _add_checks(

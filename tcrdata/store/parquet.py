@@ -6,6 +6,7 @@ already are; so one row is read without its neighbours.
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from threading import Lock
@@ -21,6 +22,7 @@ from tcrdata.store.schemas import arrow_schema, is_heavy
 
 ROWS_A_HEAVY_FILE = 512
 _ROWS_A_LIGHT_GROUP = 131072
+_OPEN_FILES = 64
 
 
 def parquet_writer(file: Any, table: str) -> pq.ParquetWriter:
@@ -90,6 +92,24 @@ class ParquetHandle:
         if self._keys is None:
             self._keys = self._file.read(light_columns(self._table))
         return list(pc.indices_nonzero(row_mask(self._keys, equals)).to_pylist())
+
+
+class ParquetHandles:
+    """The files read last, kept open."""
+
+    def __init__(self, files: Filesystem) -> None:
+        self._files = files
+        self._open: OrderedDict[str, ParquetHandle] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, path: str, table: str) -> ParquetHandle:
+        """The handle of a file; StoreError when it is damaged or missing."""
+        with self._lock:
+            handle = self._open.pop(path, None) or ParquetHandle(self._files, path, table)
+            self._open[path] = handle
+            if len(self._open) > _OPEN_FILES:
+                self._open.popitem(last=False)
+            return handle
 
 
 def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:

@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pyarrow as pa
 
 from tcrdata.errors import SchemaError
 from tcrdata.resources import resource_files
 
+if TYPE_CHECKING:
+    import duckdb
+
 SCHEMA_VERSION = 1
 """Version of all tables together; a store made with another one is refused."""
 
+_WEIGHT = "-- weight:"
 _SCALARS = {
     "varchar": pa.string(),
     "blob": pa.binary(),
@@ -96,11 +100,10 @@ def _tables() -> dict[str, _Table]:
         return {path.stem: _parse(connection, path) for path in resource_files("schemas/*.sql")}
 
 
-def _parse(connection: object, path: Path) -> _Table:
+def _parse(connection: duckdb.DuckDBPyConnection, path: Path) -> _Table:
     """Let DuckDB read the DDL: no second parser of SQL to keep in step with it."""
     import duckdb
 
-    assert isinstance(connection, duckdb.DuckDBPyConnection)
     text = path.read_text(encoding="utf-8")
     connection.execute(text)
     described = connection.execute(
@@ -110,14 +113,17 @@ def _parse(connection: object, path: Path) -> _Table:
     ).fetchall()
     comments = _comments(text)
     found = [Column(name, kind.lower(), comments.get(name, "")) for name, kind, _ in described]
-    fields = [pa.field(n, arrow_type(kind), nullable=null) for n, kind, null in described]
+    fields = [
+        pa.field(name, _arrow_type(duckdb.type(kind)), nullable=nullable)
+        for name, kind, nullable in described
+    ]
     metadata = {b"huggingface": _HUGGING_FACE_IMAGE} if path.stem == "images" else None
     return _Table(text, _weight(text), found, pa.schema(fields, metadata=metadata))
 
 
 def _weight(text: str) -> str:
-    header = [line.removeprefix("-- weight:") for line in text.splitlines()]
-    return next((w.strip() for w, line in zip(header, text.splitlines(), strict=True) if w != line))
+    marked = [line for line in text.splitlines() if line.startswith(_WEIGHT)]
+    return marked[0].removeprefix(_WEIGHT).strip() if marked else "light"
 
 
 def _comments(text: str) -> dict[str, str]:
@@ -125,15 +131,12 @@ def _comments(text: str) -> dict[str, str]:
     return {code.split()[0]: comment.strip() for code, _, comment in lines if code and comment}
 
 
-def arrow_type(sql_type: str) -> pa.DataType:
-    """The Arrow type of a DuckDB type's name, nested ones included."""
-    import duckdb
-
-    kind = duckdb.type(sql_type) if isinstance(sql_type, str) else sql_type
+def _arrow_type(kind: Any) -> pa.DataType:
+    """The Arrow type of a DuckDB type, nested ones included."""
     if kind.id == "list":
-        return pa.list_(arrow_type(kind.children[0][1]))
+        return pa.list_(_arrow_type(kind.children[0][1]))
     if kind.id == "map":
-        return pa.map_(arrow_type(kind.children[0][1]), arrow_type(kind.children[1][1]))
+        return pa.map_(_arrow_type(kind.children[0][1]), _arrow_type(kind.children[1][1]))
     if kind.id == "struct":
-        return pa.struct([pa.field(name, arrow_type(child)) for name, child in kind.children])
+        return pa.struct([pa.field(name, _arrow_type(child)) for name, child in kind.children])
     return _SCALARS[kind.id]

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
-from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
@@ -16,8 +13,9 @@ from tcrdata.store import snapshots
 from tcrdata.store.commits import ANY_DATASET, CommitRecord, FileEntry, Unit, dump_json, load_json
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
-from tcrdata.store.parquet import ParquetHandle
+from tcrdata.store.parquet import ParquetHandles
 from tcrdata.store.schemas import SCHEMA_VERSION, arrow_schema, is_view, table_names
+from tcrdata.store.sequence_tables import SequenceTables
 from tcrdata.store.snapshots import Snapshot
 from tcrdata.store.views import connect, create_views, lazy_frame
 from tcrdata.store.writer import Writer
@@ -27,7 +25,6 @@ if TYPE_CHECKING:
     import polars
 
 _STORE_FILE = "store.json"
-_OPEN_FILES = 64
 _FOLD_FROM = 256
 
 
@@ -61,29 +58,13 @@ def open_store(url: str, create: bool = False) -> Store:
     return Store(files)
 
 
-@dataclass(frozen=True)
-class SequenceTables:
-    """The tables of one sequence and round; satisfies `tcrdata.types.Tables`."""
-
-    store: Store
-    dataset: str
-    sequence: str
-    round: int
-
-    def read(self, table: str, columns: Sequence[str] | None = None, **equals: Any) -> pa.Table:
-        """Rows of this sequence and round; see `Store.read`."""
-        keys = {"dataset": self.dataset, "sequence": self.sequence, "round": self.round}
-        return self.store.read(table, columns=columns, **keys, **equals)
-
-
 class Store:
     """Tables of immutable files, made visible by commit records. Pickles as its URL."""
 
     def __init__(self, files: Filesystem) -> None:
         self._files = files
         self._history = History(files)
-        self._handles: OrderedDict[str, ParquetHandle] = OrderedDict()
-        self._lock = Lock()
+        self._handles = ParquetHandles(files)
 
     def __reduce__(self) -> tuple[type[Store], tuple[Filesystem]]:
         return Store, (self._files,)
@@ -196,10 +177,12 @@ class Store:
                 known = ", ".join(schema.names)
                 raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
         found = []
-        for entry in self.files(table, snapshot=snapshot, **given):
+        for entry in self._entries([table], snapshot)[table]:
+            if not _may_hold(entry.unit, dataset, sequence, round):
+                continue
             rest = {k: v for k, v in given.items() if getattr(entry.unit, k) != v}
             rest = {name: value for name, value in rest.items() if name in schema.names}
-            found.append(self._handle(entry).read(wanted, {**rest, **equals}))
+            found.append(self._handles.get(entry.path, table).read(wanted, {**rest, **equals}))
         empty = pa.schema([schema.field(name) for name in wanted]).empty_table()
         return pa.concat_tables([empty, *found])
 
@@ -285,11 +268,11 @@ class Store:
         """The files of each table."""
         if snapshot is None:
             chosen = table_names() if tables is None else tables
-            found = (entry for record in self.records() for entry in record.files)
+            found = [entry for record in self.records() for entry in record.files]
         else:
             frozen = self.snapshot(snapshot)
             chosen = frozen.tables if tables is None else tables
-            found = iter(frozen.files)
+            found = list(frozen.files)
             if missing := sorted(set(chosen) - set(frozen.tables)):
                 raise StoreError(f"the snapshot {snapshot} does not cover table {missing[0]}")
         entries: dict[str, list[FileEntry]] = {table: [] for table in chosen}
@@ -299,17 +282,6 @@ class Store:
             if entry.table in entries:
                 entries[entry.table].append(entry)
         return entries
-
-    def _handle(self, entry: FileEntry) -> ParquetHandle:
-        """An open file; the last few stay open."""
-        with self._lock:
-            handle = self._handles.pop(entry.path, None)
-            if handle is None:
-                handle = ParquetHandle(self._files, entry.path, entry.table)
-            self._handles[entry.path] = handle
-            if len(self._handles) > _OPEN_FILES:
-                self._handles.popitem(last=False)
-            return handle
 
 
 def _may_hold(unit: Unit, dataset: str | None, sequence: str | None, round: int | None) -> bool:
