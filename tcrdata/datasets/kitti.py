@@ -24,7 +24,8 @@ from tcrdata.datasets.kitti_layout import (
     numbered_files,
 )
 from tcrdata.datasets.kitti_sweeps import read_sweep, size_error
-from tcrdata.datasets.kitti_timestamps import Timestamp, nominal_timestamps, read_timestamps
+from tcrdata.datasets.kitti_timestamps import Timestamp, sequence_timestamps
+from tcrdata.datasets.kitti_truth import truth_rows
 from tcrdata.errors import DatasetError, FrameError
 from tcrdata.geometry.transforms import as_tuples, transform_points
 from tcrdata.types import Camera, Frame, ImageArray, PointCloud, SequenceInfo
@@ -99,7 +100,7 @@ class KittiDataset:
         listing = _list_files(files)
         calibration = read_calibration(files)
         size, _ = _image_size(listing, calibration)
-        times = _timestamps(files, listing)
+        times = sequence_timestamps(files, listing.numbers)
         common = Frame(
             dataset=self.name,
             sequence=sequence,
@@ -139,9 +140,16 @@ class KittiDataset:
         return image
 
     def ground_truth(self, sequence: str) -> list[dict[str, Any]]:
-        """Return the labelled objects of the frames that are there; empty without labels."""
-        self._files(sequence)
-        return []
+        """Return a row for each labelled object in the frames that are there.
+
+        Boxes are upright, as KITTI's labels are; image boxes are the file's (tracking) or the
+        projected 3D boxes (raw, which has no regions left out of scoring). Empty without labels.
+
+        Raises:
+            DatasetError: labels, GPS/IMU packets, calibration or timestamps cannot be read.
+        """
+        files = self._files(sequence)
+        return truth_rows(files, read_calibration(files), self.frames(sequence))
 
     def _files(self, sequence: str) -> SequenceFiles:
         found = find_sequences(Path(self.root))
@@ -221,20 +229,6 @@ def _image_error(number: int, listing: _Listing, camera: Camera | None) -> str |
         name = listing.images[number].path.name
         return f"image {name} is {width}x{height}, unlike its sequence: fetch it again"
     return None
-
-
-def _timestamps(files: SequenceFiles, listing: _Listing) -> dict[int, Timestamp]:
-    if not files.timestamps:
-        return nominal_timestamps(listing.numbers)
-    times = read_timestamps(files.timestamps[0], listing.numbers)
-    if not listing.images:
-        return times
-    # A frame is as good as the worse of its two clocks; its time is the sweep's.
-    of_images = read_timestamps(files.timestamps[1], list(listing.images))
-    return {
-        number: replace(time, error=time.error or of_images.get(number, time).error)
-        for number, time in times.items()
-    }
 
 
 def _fingerprint(files: SequenceFiles, listing: _Listing) -> str:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
+from tcrdata.datasets.kitti_layout import SequenceFiles
 from tcrdata.errors import DatasetError
 
 FRAME_PERIOD_NS = 100_000_000
@@ -19,17 +20,41 @@ class Timestamp:
     """When a frame was taken.
 
     Attributes:
-        time_ns: UTC; where `error` is set, a guess that follows the frame before.
-        error: what is wrong with the line, in one line; None when nothing is.
+        time_ns: UTC; where `error` is set, 0.1 s a frame from the nearest good time before.
+        error: what is wrong with it, in one line; None when nothing is.
     """
 
     time_ns: int
     error: str | None = None
 
 
-def nominal_timestamps(frames: Sequence[int]) -> dict[int, Timestamp]:
-    """Return the times of a sequence that has no file of them: 0.1 s a frame."""
-    return {frame: Timestamp(frame * FRAME_PERIOD_NS) for frame in frames}
+def sequence_timestamps(files: SequenceFiles, frames: Sequence[int]) -> dict[int, Timestamp]:
+    """Return the time of each frame.
+
+    A raw drive has a clock a sensor: the time is the sweep's (the image's where the sweeps have
+    none), and a frame is as good as the worst of its clocks. The tracking benchmark gives no
+    times: 0.1 s a frame.
+
+    Args:
+        files: the sequence.
+        frames: numbers of the frames, rising.
+
+    Raises:
+        DatasetError: a raw drive has no file of times, or it cannot be read.
+    """
+    if not files.timestamps:
+        return {frame: Timestamp(frame * FRAME_PERIOD_NS) for frame in frames}
+    clocks = [read_timestamps(path, frames) for path in files.timestamps if path.is_file()]
+    if not clocks:
+        raise DatasetError(
+            f"'{files.name}' has no timestamps: restore {' or '.join(map(str, files.timestamps))}"
+        )
+    return {
+        frame: Timestamp(
+            time.time_ns, next((c[frame].error for c in clocks if c[frame].error), None)
+        )
+        for frame, time in clocks[0].items()
+    }
 
 
 def read_timestamps(path: Path, frames: Sequence[int]) -> dict[int, Timestamp]:
@@ -52,26 +77,24 @@ def read_timestamps(path: Path, frames: Sequence[int]) -> dict[int, Timestamp]:
         ) from failure
     times = {frame: _parse(lines[frame]) if frame < len(lines) else None for frame in frames}
     read = [(frame, time) for frame, time in times.items() if time is not None]
-    rising = {read[i][0] for i in _longest_rising([time for _, time in read])}
+    rising = dict(read[i] for i in _longest_rising([time for _, time in read]))
     result: dict[int, Timestamp] = {}
-    guess_ns = 0
+    anchor = next(iter(rising), 0)
     for frame in frames:
-        time = times[frame]
-        error = _error(path, lines, frame, time, frame in rising)
-        guess_ns = time if time is not None and error is None else guess_ns + FRAME_PERIOD_NS
-        result[frame] = Timestamp(guess_ns, error)
+        anchor = frame if frame in rising else anchor
+        time_ns = rising.get(anchor, 0) + (frame - anchor) * FRAME_PERIOD_NS
+        error = None if frame in rising else _error(path, lines, frame, times[frame])
+        result[frame] = Timestamp(time_ns, error)
     return result
 
 
-def _error(
-    path: Path, lines: Sequence[str], frame: int, time: int | None, rises: bool
-) -> str | None:
+def _error(path: Path, lines: Sequence[str], frame: int, time: int | None) -> str:
     place = f"{path.parent.name}/{path.name}, line {frame + 1}"
     if frame >= len(lines):
         return f"{place}: missing, the file ends at line {len(lines)}"
     if time is None:
         return f"{place}: '{lines[frame][:40]}' is not a time such as 2011-09-26 13:04:32.345808896"
-    return None if rises else f"{place}: the time does not rise"
+    return f"{place}: the time does not rise"
 
 
 def _parse(line: str) -> int | None:
