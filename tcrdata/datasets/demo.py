@@ -149,7 +149,7 @@ class Demo:
             scene.materials(),
             LAMP,
             view.origin,
-            view.world_R_pixel,
+            view.pixel_rays,
             (CAMERA.width_px, CAMERA.height_px),
         )
 

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tcrdata.datasets.shading import Material, material_rows
+from tcrdata.datasets.textures import Material, material_rows
 from tcrdata.geometry.raycasting import Primitives, Shape, place
 from tcrdata.geometry.transforms import as_tuples, inverse, transform_points
 from tcrdata.types import Camera, FloatArray
@@ -76,7 +77,8 @@ class Part:
             radii = np.sqrt(1 - heights**2)
             corners = (ring[None] * radii[:, None, None]).reshape(-1, 3)
             corners[:, 2] = np.repeat(heights, ROUND_STEPS)
-        return corners * np.asarray(self.half_size_m)
+        outline: FloatArray = corners * np.asarray(self.half_size_m)
+        return outline
 
 
 @dataclass(frozen=True)
@@ -174,29 +176,29 @@ class View:
     level_T_world: FloatArray
 
     @property
-    def camera_T_world(self) -> FloatArray:
+    def world_to_camera(self) -> FloatArray:
         """World (m) to camera."""
         return self.camera_T_level @ self.level_T_world
 
     @property
     def origin(self) -> FloatArray:
         """(3,) the camera's centre in the world."""
-        return inverse(self.camera_T_world)[:3, 3]
+        return inverse(self.world_to_camera)[:3, 3]
 
     @property
-    def world_R_pixel(self) -> FloatArray:
+    def pixel_rays(self) -> FloatArray:
         """(3, 3): (column, row, 1) to a world direction with forward length 1."""
-        rotation = inverse(self.camera_T_world)[:3, :3]
+        rotation = inverse(self.world_to_camera)[:3, :3]
         return rotation @ np.linalg.inv(self.camera.matrix[:, :3])
 
     def rays(self) -> FloatArray:
         """Return (H * W, 3) world directions through the centres of the pixels, row by row."""
         rows, columns = np.mgrid[0 : self.camera.height_px, 0 : self.camera.width_px]
         pixels = np.stack([columns, rows, np.ones_like(rows)], axis=-1).reshape(-1, 3)
-        return pixels @ self.world_R_pixel.T
+        return pixels @ self.pixel_rays.T
 
-    def project(self, world_points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def project(self, world_points: NDArray[np.floating]) -> tuple[FloatArray, FloatArray]:
         """Return (N, 2) pixels and (N,) depths of (N, 3) world points."""
-        seen = transform_points(self.camera_T_world, world_points) @ self.camera.matrix[:, :3].T
+        seen = transform_points(self.world_to_camera, world_points) @ self.camera.matrix[:, :3].T
         depth = seen[:, 2]
         return seen[:, :2] / np.where(depth > 0, depth, np.nan)[:, None], depth

@@ -3,50 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from tcrdata.geometry.raycasting import (
+from tcrdata.datasets.textures import albedo
+from tcrdata.geometry.intersections import (
     BOX,
     CONE,
     CYLINDER,
     PLANE,
     SPHERE,
-    Primitives,
     hit_shape,
     kernel,
     may_hit,
 )
+from tcrdata.geometry.raycasting import Primitives
 from tcrdata.types import FloatArray, ImageArray, IntArray
 
-Pattern = Literal["noise", "planks", "windows", "road"]
-NOISE, PLANKS, WINDOWS, ROAD = range(4)
-PATTERNS: dict[str, int] = {"noise": NOISE, "planks": PLANKS, "windows": WINDOWS, "road": ROAD}
 GAMMA = 2.2
-
-
-@dataclass(frozen=True)
-class Material:
-    """How a shape looks.
-
-    Attributes:
-        colour: linear RGB in [0, 1].
-        amplitude: share by which the solid noise darkens and brightens.
-        frequency_per_m: of the noise's coarsest octave.
-        gloss: strength of the highlight.
-        pattern: what is painted on it.
-        extra: two numbers for the pattern; a road's are (curvature per m, half width m).
-    """
-
-    colour: tuple[float, float, float]
-    amplitude: float = 0.35
-    frequency_per_m: float = 3.0
-    gloss: float = 0.0
-    pattern: Pattern = "noise"
-    extra: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -89,17 +64,6 @@ class Light:
                 self.zenith,
             ]
         )
-
-
-def material_rows(materials: Sequence[Material], seeds: Sequence[int]) -> FloatArray:
-    """Return (P, 10) numbers of P materials; a seed shifts a material's noise."""
-    return np.array(
-        [
-            (*m.colour, m.amplitude, m.frequency_per_m, m.gloss, PATTERNS[m.pattern], s, *m.extra)
-            for m, s in zip(materials, seeds, strict=True)
-        ],
-        dtype=np.float64,
-    ).reshape(-1, 10)
 
 
 def render(
@@ -161,53 +125,9 @@ def inspect_hits(
 
 
 @kernel
-def _lattice(i, j, k, seed):  # type: ignore[no-untyped-def]
-    h = np.uint32(i) * np.uint32(0x8DA6B343) ^ np.uint32(j) * np.uint32(0xD8163841)
-    h = np.uint32(
-        h ^ np.uint32(k) * np.uint32(0xCB1AB31F) ^ np.uint32(seed) * np.uint32(0x9E3779B1)
-    )
-    h = np.uint32((h ^ (h >> np.uint32(15))) * np.uint32(0x2C1B3C6D))
-    h = np.uint32((h ^ (h >> np.uint32(12))) * np.uint32(0x297A2D39))
-    return np.float64(h ^ (h >> np.uint32(15))) / 2147483648.0 - 1.0
-
-
-@kernel
-def _value_noise(x, y, z, seed):  # type: ignore[no-untyped-def]
-    i, j, k = math.floor(x), math.floor(y), math.floor(z)
-    u, v, w = x - i, y - j, z - k
-    u, v, w = u * u * (3 - 2 * u), v * v * (3 - 2 * v), w * w * (3 - 2 * w)
-    i, j, k = int(i), int(j), int(k)
-    total = 0.0
-    for a in range(2):
-        for b in range(2):
-            for c in range(2):
-                weight = (u if a else 1 - u) * (v if b else 1 - v) * (w if c else 1 - w)
-                total += weight * _lattice(i + a, j + b, k + c, seed)
-    return total
-
-
-@kernel
-def _solid_noise(x, y, z, frequency, footprint, seed):  # type: ignore[no-untyped-def]
-    # Octaves finer than a pixel are left out, or they would flicker.
-    total, weight = 0.0, 0.6
-    for octave in range(4):
-        visible = min(1.0, max(0.0, 0.5 / (frequency * footprint + 1e-9) - 0.5))
-        if visible > 0.0:
-            shift = 17.3 * octave
-            total += (
-                visible
-                * weight
-                * _value_noise(
-                    x * frequency + shift, y * frequency - shift, z * frequency, seed + octave
-                )
-            )
-        frequency *= 2.1
-        weight *= 0.72
-    return total
-
-
-@kernel
-def _normal(kind, A, half_size, x, y, z):  # type: ignore[no-untyped-def]
+def _normal(
+    kind: int, A: FloatArray, half_size: FloatArray, x: float, y: float, z: float
+) -> tuple[float, float, float]:
     # x, y, z: the hit in unit coordinates; a gradient there is turned back by A transposed.
     gx, gy, gz = 0.0, 0.0, 1.0
     if kind == SPHERE:
@@ -242,70 +162,18 @@ def _normal(kind, A, half_size, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def road_coordinates(x, y, curvature):  # type: ignore[no-untyped-def]
-    """Return metres along and to the left of an arc that leaves the origin along x."""
-    if abs(curvature) < 1e-9:
-        return x, y
-    radius = 1.0 / curvature
-    sign = math.copysign(1.0, radius)
-    along = abs(radius) * math.atan2(x, sign * (radius - y))
-    return along, radius - sign * math.hypot(x, y - radius)
-
-
-@kernel
-def _road_tone(x, y, curvature, half_width):  # type: ignore[no-untyped-def]
-    along, across = road_coordinates(x, y, curvature)
-    side = abs(across)
-    if abs(side - half_width + 0.35) < 0.07 or (side < 0.07 and along % 6.0 < 3.0):
-        return 3.4
-    return 1.0
-
-
-@kernel
-def _window_tone(kind, x, y, z, mx, my, mz):  # type: ignore[no-untyped-def]
-    if kind != BOX or abs(z) > 0.999:
-        return 1.0
-    run = my if abs(x) > abs(y) else mx
-    u, v = run / 2.6 - math.floor(run / 2.6), mz / 3.0 - math.floor(mz / 3.0)
-    return 0.35 if 0.3 < u < 0.7 and 0.3 < v < 0.75 else 1.0
-
-
-@kernel
-def _plank_tone(x, y, seed):  # type: ignore[no-untyped-def]
-    row = math.floor(y / 1.1)
-    shift = 2.7 * _lattice(int(row), 3, 5, seed)
-    board = math.floor((x + shift) / 5.0)
-    edge = min(y / 1.1 - row, row + 1 - y / 1.1) * 1.1
-    end = min((x + shift) / 5.0 - board, board + 1 - (x + shift) / 5.0) * 5.0
-    groove = 1.0 - 0.25 * math.exp(-((min(edge, end) / 0.02) ** 2))
-    return groove * (1.0 + 0.07 * _lattice(int(row), int(board), 9, seed))
-
-
-@kernel
-def _albedo(material, kind, half_size, x, y, z, footprint):  # type: ignore[no-untyped-def]
-    pattern, seed = int(material[6]), int(material[7])
-    mx, my, mz = x, y, 0.0
-    if kind != PLANE:
-        mx, my, mz = x * half_size[0], y * half_size[1], z * half_size[2]
-    if pattern == PLANKS:
-        grain = _solid_noise(0.18 * mx, mx * 0.1 + my * 1.6, mz, material[4], footprint, seed)
-        noise = 0.5 * grain + 0.5 * _solid_noise(mx, my, mz, material[4], footprint, seed + 50)
-        tone = _plank_tone(mx, my, seed)
-    else:
-        noise = _solid_noise(mx, my, mz, material[4], footprint, seed)
-        tone = 1.0
-    if pattern == WINDOWS:
-        tone = _window_tone(kind, x, y, z, mx, my, mz)
-    elif pattern == ROAD:
-        tone = _road_tone(mx, my, material[8], material[9])
-    tone *= max(0.05, 1.0 + material[3] * noise)
-    return material[0] * tone, material[1] * tone, material[2] * tone
-
-
-@kernel
-def _lit_share(  # type: ignore[no-untyped-def]
-    kinds, unit_T_world, spheres, half_sizes, light, rays, phase, x, y, z
-):
+def _lit_share(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    spheres: FloatArray,
+    half_sizes: FloatArray,
+    light: FloatArray,
+    rays: int,
+    phase: float,
+    x: float,
+    y: float,
+    z: float,
+) -> float:
     """Share of the light's disc that is seen from a point."""
     if rays == 0:
         return 1.0
@@ -330,7 +198,9 @@ def _lit_share(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _open_share(spheres, own, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-def]
+def _open_share(
+    spheres: FloatArray, own: int, x: float, y: float, z: float, nx: float, ny: float, nz: float
+) -> float:
     """Share of the surroundings' light that the other shapes leave, each taken for a ball."""
     closed = 0.0
     for p in range(len(spheres)):
@@ -347,7 +217,7 @@ def _open_share(spheres, own, x, y, z, nx, ny, nz):  # type: ignore[no-untyped-d
 
 
 @kernel
-def _sky(light, dz, length):  # type: ignore[no-untyped-def]
+def _sky(light: FloatArray, dz: float, length: float) -> tuple[float, float, float]:
     up = math.sqrt(min(1.0, max(0.0, dz / length)))
     return (
         light[4, 0] + up * (light[5, 0] - light[4, 0]),
@@ -357,7 +227,16 @@ def _sky(light, dz, length):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _first_hit(kinds, unit_T_world, spheres, half_sizes, origin, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _first_hit(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    spheres: FloatArray,
+    half_sizes: FloatArray,
+    origin: FloatArray,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> tuple[float, int]:
     best, hit = np.inf, -1
     for p in range(len(kinds)):
         if may_hit(spheres, p, origin[0], origin[1], origin[2], dx, dy, dz, best):
@@ -370,9 +249,21 @@ def _first_hit(kinds, unit_T_world, spheres, half_sizes, origin, dx, dy, dz):  #
 
 
 @kernel
-def _colour(  # type: ignore[no-untyped-def]
-    kinds, unit_T_world, spheres, half_sizes, materials, light, rays, phase, origin, dx, dy, dz, px
-):
+def _colour(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    spheres: FloatArray,
+    half_sizes: FloatArray,
+    materials: FloatArray,
+    light: FloatArray,
+    rays: int,
+    phase: float,
+    origin: FloatArray,
+    dx: float,
+    dy: float,
+    dz: float,
+    px: float,
+) -> tuple[float, float, float]:
     """Linear RGB of what one ray sees; px is the ray's footprint at t = 1 in metres."""
     length = math.sqrt(dx * dx + dy * dy + dz * dz)
     sky = _sky(light, dz, length)
@@ -385,7 +276,7 @@ def _colour(  # type: ignore[no-untyped-def]
     uy = A[1, 0] * x + A[1, 1] * y + A[1, 2] * z + A[1, 3]
     uz = A[2, 0] * x + A[2, 1] * y + A[2, 2] * z + A[2, 3]
     nx, ny, nz = _normal(kinds[p], A, half_sizes[p], ux, uy, uz)
-    r, g, b = _albedo(materials[p], kinds[p], half_sizes[p], ux, uy, uz, px * t)
+    r, g, b = albedo(materials[p], kinds[p], half_sizes[p], ux, uy, uz, px * t)
     x, y, z = x + 1e-4 * nx, y + 1e-4 * ny, z + 1e-4 * nz
     direct = max(0.0, nx * light[0, 0] + ny * light[0, 1] + nz * light[0, 2])
     if direct > 0.0:
@@ -406,9 +297,20 @@ def _colour(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _render(  # type: ignore[no-untyped-def]
-    kinds, unit_T_world, spheres, half_sizes, materials, light, rays, origin, R, width, height, n
-):
+def _render(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    spheres: FloatArray,
+    half_sizes: FloatArray,
+    materials: FloatArray,
+    light: FloatArray,
+    rays: int,
+    origin: FloatArray,
+    R: FloatArray,
+    width: int,
+    height: int,
+    n: int,
+) -> FloatArray:
     image = np.zeros((height, width, 3))
     px = math.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2 + R[2, 0] ** 2)
     for row in range(height):
@@ -429,7 +331,16 @@ def _render(  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _inspect(kinds, unit_T_world, half_sizes, materials, origin, directions, times, hits):  # type: ignore[no-untyped-def]
+def _inspect(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    half_sizes: FloatArray,
+    materials: FloatArray,
+    origin: FloatArray,
+    directions: FloatArray,
+    times: FloatArray,
+    hits: IntArray,
+) -> tuple[FloatArray, FloatArray]:
     brightness, cosines = np.zeros(len(hits)), np.zeros(len(hits))
     for i in range(len(hits)):
         p = hits[i]
@@ -446,7 +357,7 @@ def _inspect(kinds, unit_T_world, half_sizes, materials, origin, directions, tim
         uy = A[1, 0] * x + A[1, 1] * y + A[1, 2] * z + A[1, 3]
         uz = A[2, 0] * x + A[2, 1] * y + A[2, 2] * z + A[2, 3]
         nx, ny, nz = _normal(kinds[p], A, half_sizes[p], ux, uy, uz)
-        r, g, b = _albedo(materials[p], kinds[p], half_sizes[p], ux, uy, uz, 0.02)
+        r, g, b = albedo(materials[p], kinds[p], half_sizes[p], ux, uy, uz, 0.02)
         brightness[i] = (r + g + b) / 3.0
         length = math.sqrt(dx * dx + dy * dy + dz * dz)
         cosines[i] = abs(nx * dx + ny * dy + nz * dz) / length

@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 
 from tcrdata.datasets.scene import Part, Scene, SceneObject
-from tcrdata.datasets.shading import Light, Material
+from tcrdata.datasets.shading import Light
+from tcrdata.datasets.textures import Material
 from tcrdata.geometry.raycasting import Shape
 from tcrdata.types import FloatArray
 
@@ -249,7 +250,10 @@ def _rotation(axis: tuple[float, float, float], angle: float) -> FloatArray:
     """Rodrigues' formula for a unit axis."""
     x, y, z = axis
     skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + math.sin(angle) * skew + (1.0 - math.cos(angle)) * (skew @ skew)
+    turned: FloatArray = (
+        np.eye(3) + math.sin(angle) * skew + (1.0 - math.cos(angle)) * (skew @ skew)
+    )
+    return turned
 
 
 def _as_object(number: str, colour: str, script: Script) -> SceneObject:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from tcrdata.datasets.scene import Scene, SceneObject, View
+from tcrdata.geometry.boxes import min_area_box
 from tcrdata.geometry.raycasting import cast, count_pixels
 from tcrdata.geometry.transforms import inverse, transform_points
 from tcrdata.types import Float32Array, FloatArray
@@ -36,9 +37,7 @@ def truth_rows(scene: Scene, view: View, time_s: float, frame: int) -> list[dict
     """
     boxes = [_image_box(scene_object, view, time_s) for scene_object in scene.objects]
     windows = np.array([_window(box, view) for box in boxes]).reshape(-1, 4)
-    visible, whole = count_pixels(
-        scene.primitives(time_s), view.origin, view.world_R_pixel, windows
-    )
+    visible, whole = count_pixels(scene.primitives(time_s), view.origin, view.pixel_rays, windows)
     rows = []
     for thing, box, seen, all_of_it in zip(scene.objects, boxes, visible, whole, strict=True):
         row = _box_row(thing, view, time_s)
@@ -71,34 +70,8 @@ def exact_flow(
     pixels, _ = view_to.project(points)
     rows, columns = np.mgrid[0 : view.camera.height_px, 0 : view.camera.width_px]
     start = np.stack([columns, rows], axis=-1)
-    return (pixels.reshape(start.shape) - start).astype(np.float32)
-
-
-def min_area_rectangle(points: FloatArray) -> tuple[FloatArray, float, float, float]:
-    """Return centre (2,), long side, short side and angle of the long side of (N, 2) points' hull.
-
-    The smallest rectangle around a hull shares a direction with one of its edges.
-    """
-    from scipy.spatial import ConvexHull
-
-    hull = points[ConvexHull(points).vertices]
-    edges = np.roll(hull, -1, axis=0) - hull
-    angles = np.unique(np.round(np.arctan2(edges[:, 1], edges[:, 0]) % (np.pi / 2), 9))
-    axes = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    along = axes @ hull.T
-    across = np.stack([-axes[:, 1], axes[:, 0]], axis=-1) @ hull.T
-    lengths, widths = np.ptp(along, axis=1), np.ptp(across, axis=1)
-    best = int(np.argmin(np.round(lengths * widths, 9)))
-    middle = (
-        0.5 * (along[best].max() + along[best].min()),
-        0.5 * (across[best].max() + across[best].min()),
-    )
-    c, s = axes[best]
-    centre = np.array([c * middle[0] - s * middle[1], s * middle[0] + c * middle[1]])
-    length, width, angle = float(lengths[best]), float(widths[best]), float(angles[best])
-    if width > length:
-        return centre, width, length, angle + np.pi / 2
-    return centre, length, width, angle
+    flow: Float32Array = (pixels.reshape(start.shape) - start).astype(np.float32)
+    return flow
 
 
 def _box_row(thing: SceneObject, view: View, time_s: float) -> dict[str, Any]:
@@ -108,10 +81,10 @@ def _box_row(thing: SceneObject, view: View, time_s: float) -> dict[str, Any]:
     yaw = math.atan2(-rotation[2, 0], rotation[0, 0])
     if -rotation[1, 2] < UPRIGHT_COSINE:
         outline = transform_points(level_T_object, thing.outline())
-        middle, length, width, angle = min_area_rectangle(outline[:, [0, 2]])
+        box = min_area_box(outline[:, [0, 2]])
         low, high = outline[:, 1].max(), outline[:, 1].min()
-        centre = np.array([middle[0], 0.5 * (low + high), middle[1]])
-        size, yaw = np.array([length, width, low - high]), -angle
+        centre = np.array([box.cx, 0.5 * (low + high), box.cz])
+        size, yaw = np.array([box.length, box.width, low - high]), box.yaw_rad
     return {
         "object_id": thing.object_id,
         "category": thing.category,

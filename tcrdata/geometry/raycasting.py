@@ -10,18 +10,26 @@ component is 1, and range where its length is 1.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, TypeVar
+from typing import Literal
 
-import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tcrdata.geometry.intersections import (
+    BOX,
+    CONE,
+    CYLINDER,
+    PLANE,
+    SPHERE,
+    hit_shape,
+    kernel,
+    may_hit,
+)
 from tcrdata.types import FloatArray, IntArray
 
 Shape = Literal["plane", "sphere", "box", "cylinder", "cone"]
-PLANE, SPHERE, BOX, CYLINDER, CONE = range(5)
 KINDS: dict[str, int] = {
     "plane": PLANE,
     "sphere": SPHERE,
@@ -32,15 +40,6 @@ KINDS: dict[str, int] = {
 # Radius of the ball around each unit shape; a plane has none.
 UNIT_RADII = (math.inf, 1.0, math.sqrt(3.0), math.sqrt(2.0), math.sqrt(2.0))
 NOTHING = -1
-RELIEF_STEPS = 12
-
-F = TypeVar("F", bound=Callable[..., Any])
-
-
-def kernel(function: F) -> F:
-    """Compile a function of scalars and arrays, keeping the machine code for the next process."""
-    compiled: F = numba.njit(cache=True, nogil=True)(function)
-    return compiled
 
 
 @dataclass(frozen=True)
@@ -172,7 +171,14 @@ def count_pixels(
 
 
 @kernel
-def _cast(kinds, unit_T_world, spheres, half_sizes, origin, directions):  # type: ignore[no-untyped-def]
+def _cast(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    spheres: FloatArray,
+    half_sizes: FloatArray,
+    origin: FloatArray,
+    directions: FloatArray,
+) -> tuple[FloatArray, IntArray]:
     times = np.full(len(directions), np.inf)
     hits = np.full(len(directions), NOTHING, dtype=np.int64)
     for i in range(len(directions)):
@@ -192,9 +198,16 @@ def _cast(kinds, unit_T_world, spheres, half_sizes, origin, directions):  # type
 
 
 @kernel
-def _count_pixels(  # type: ignore[no-untyped-def]
-    kinds, unit_T_world, spheres, half_sizes, owners, origin, world_R_pixel, windows
-):
+def _count_pixels(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    spheres: FloatArray,
+    half_sizes: FloatArray,
+    owners: IntArray,
+    origin: FloatArray,
+    world_R_pixel: FloatArray,
+    windows: IntArray,
+) -> tuple[IntArray, IntArray]:
     visible = np.zeros(len(windows), dtype=np.int64)
     whole = np.zeros(len(windows), dtype=np.int64)
     x, y, z = origin[0], origin[1], origin[2]
@@ -230,136 +243,3 @@ def _count_pixels(  # type: ignore[no-untyped-def]
                 if not hidden:
                     visible[m] += 1
     return visible, whole
-
-
-@kernel
-def may_hit(spheres, p, ox, oy, oz, dx, dy, dz, limit):  # type: ignore[no-untyped-def]
-    """Tell whether a ray can meet the ball around shape p before t = limit."""
-    radius = spheres[p, 3]
-    if radius == np.inf:
-        return True
-    cx, cy, cz = spheres[p, 0] - ox, spheres[p, 1] - oy, spheres[p, 2] - oz
-    outside = cx * cx + cy * cy + cz * cz - radius * radius
-    if outside <= 0.0:
-        return True
-    along = cx * dx + cy * dy + cz * dz
-    if along <= 0.0:
-        return False
-    length2 = dx * dx + dy * dy + dz * dz
-    if along * along < outside * length2:
-        return False
-    if limit == np.inf:
-        return True
-    past = along - limit * length2
-    return past <= 0.0 or past * past <= radius * radius * length2
-
-
-@kernel
-def hit_shape(kinds, unit_T_world, half_sizes, p, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
-    """Return the t > 0 at which a ray enters shape p, or inf."""
-    A = unit_T_world[p]
-    px = A[0, 0] * ox + A[0, 1] * oy + A[0, 2] * oz + A[0, 3]
-    py = A[1, 0] * ox + A[1, 1] * oy + A[1, 2] * oz + A[1, 3]
-    pz = A[2, 0] * ox + A[2, 1] * oy + A[2, 2] * oz + A[2, 3]
-    qx = A[0, 0] * dx + A[0, 1] * dy + A[0, 2] * dz
-    qy = A[1, 0] * dx + A[1, 1] * dy + A[1, 2] * dz
-    qz = A[2, 0] * dx + A[2, 1] * dy + A[2, 2] * dz
-    kind = kinds[p]
-    if kind == BOX:
-        return _hit_box(px, py, pz, qx, qy, qz)
-    if kind == CYLINDER:
-        return _hit_cylinder(px, py, pz, qx, qy, qz)
-    if kind == SPHERE:
-        return _hit_sphere(px, py, pz, qx, qy, qz)
-    if kind == CONE:
-        return _hit_cone(px, py, pz, qx, qy, qz)
-    return _hit_plane(px, py, pz, qx, qy, qz, half_sizes[p, 0], half_sizes[p, 2])
-
-
-@kernel
-def _hit_sphere(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
-    a = qx * qx + qy * qy + qz * qz
-    b = px * qx + py * qy + pz * qz
-    c = px * px + py * py + pz * pz - 1.0
-    root = b * b - a * c
-    if root < 0.0:
-        return np.inf
-    t = (-b - math.sqrt(root)) / a
-    return t if t > 0.0 else np.inf
-
-
-@kernel
-def _slab(p, q):  # type: ignore[no-untyped-def]
-    if q == 0.0:
-        return (-np.inf, np.inf) if abs(p) <= 1.0 else (np.inf, -np.inf)
-    a, b = (-1.0 - p) / q, (1.0 - p) / q
-    return (a, b) if a < b else (b, a)
-
-
-@kernel
-def _hit_box(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
-    x0, x1 = _slab(px, qx)
-    y0, y1 = _slab(py, qy)
-    z0, z1 = _slab(pz, qz)
-    enter, leave = max(x0, y0, z0), min(x1, y1, z1)
-    return enter if 0.0 < enter <= leave else np.inf
-
-
-@kernel
-def _hit_cylinder(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
-    enter, leave = _slab(pz, qz)
-    a = qx * qx + qy * qy
-    b = px * qx + py * qy
-    c = px * px + py * py - 1.0
-    if a == 0.0:
-        if c > 0.0:
-            return np.inf
-    else:
-        root = b * b - a * c
-        if root < 0.0:
-            return np.inf
-        root = math.sqrt(root)
-        enter, leave = max(enter, (-b - root) / a), min(leave, (-b + root) / a)
-    return enter if 0.0 < enter <= leave else np.inf
-
-
-@kernel
-def _hit_cone(px, py, pz, qx, qy, qz):  # type: ignore[no-untyped-def]
-    best = np.inf
-    # The radius at height z is (1 - z) / 2 = w - t * s along the ray.
-    w, s = 0.5 * (1.0 - pz), 0.5 * qz
-    a = qx * qx + qy * qy - s * s
-    b = px * qx + py * qy + w * s
-    c = px * px + py * py - w * w
-    root = b * b - a * c
-    if root >= 0.0 and a != 0.0:
-        root = math.sqrt(root)
-        for t in ((-b - root) / a, (-b + root) / a):
-            if 0.0 < t < best and abs(pz + t * qz) <= 1.0:
-                best = t
-    if qz > 0.0:
-        t = (-1.0 - pz) / qz
-        if 0.0 < t < best and (px + t * qx) ** 2 + (py + t * qy) ** 2 <= 1.0:
-            best = t
-    return best
-
-
-@kernel
-def relief(x, y, wavelength_m, amplitude_m):  # type: ignore[no-untyped-def]
-    """Return the height of an uneven plane, within +-amplitude: two crossing sines."""
-    if amplitude_m == 0.0:
-        return 0.0
-    k = 2.0 * math.pi / wavelength_m
-    return 0.5 * amplitude_m * (math.sin(k * x) + math.sin(1.3 * k * y + 1.0))
-
-
-@kernel
-def _hit_plane(px, py, pz, qx, qy, qz, wavelength_m, amplitude_m):  # type: ignore[no-untyped-def]
-    if qz >= 0.0:
-        return np.inf
-    t = -pz / qz
-    if amplitude_m > 0.0:
-        # The relief is much flatter than the ray, so this fixed point is reached quickly.
-        for _ in range(RELIEF_STEPS):
-            t = (relief(px + t * qx, py + t * qy, wavelength_m, amplitude_m) - pz) / qz
-    return t if t > 0.0 else np.inf
