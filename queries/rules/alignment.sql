@@ -1,0 +1,17 @@
+-- The chained egomotion lays the frame's points on the surfaces seen some frames later: unlike the
+-- cycle error this catches an estimator that is consistently wrong. Abstains at the last frames.
+-- source: ours: on a slow drive flow RANSAC passes every cycle check and is wrong by 4 times
+-- needs: value >= min_alignment_share
+-- cues: odometry, flow_ransac
+set variable min_alignment_share = 0.5;  -- share: of the points that find a neighbour
+set variable alignment_method = 'odometry';  -- estimator: odometry or flow_ransac
+set variable min_alignment_frames = 5;  -- frames: a shorter look ahead says little: abstains
+
+select p.proposal_id, e.alignment_share as value,
+       getvariable('min_alignment_share')::double as bound,
+       case when e.alignment_frames >= getvariable('min_alignment_frames')
+            then e.alignment_share >= getvariable('min_alignment_share') end as passed
+from proposals p
+left join egomotions e
+    on (e.dataset, e.sequence, e.frame, e.round) = (p.dataset, p.sequence, p.frame, p.round)
+    and e.method = getvariable('alignment_method')

@@ -1,0 +1,204 @@
+"""Binds selects on empty typed tables, so that a wrong rule fails when it loads.
+
+The tables that a rule may read are made here and no others: what is true, what was decided and how
+it scored are out of reach, and so are files.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import duckdb
+
+from tcrdata.errors import RuleError
+from tcrdata.rules.sql_files import SqlFile, fill_in, located, uses
+from tcrdata.store import schemas
+
+EVIDENCE_TABLES = ("proposals", "confidences", "egomotions", "frames", "sequences")
+"""What rules and presets may read: measured, light, and never the truth."""
+
+RULE_COLUMNS = {
+    "proposal_id": "VARCHAR",
+    "value": "DOUBLE",
+    "bound": "DOUBLE",
+    "passed": "BOOLEAN",
+}
+PRESET_COLUMNS = {"proposal_id": "VARCHAR", "state": "VARCHAR", "score": "DOUBLE"}
+KEY_COLUMNS = ("proposal_id", "dataset", "sequence", "frame", "round")
+
+
+@dataclass(frozen=True)
+class Reads:
+    """What a select reads.
+
+    Attributes:
+        tables: evidence tables, sorted.
+        columns: columns of `proposals`, in the order of the schema.
+    """
+
+    tables: tuple[str, ...]
+    columns: tuple[str, ...]
+
+
+class Binder:
+    """An empty store in memory; one serves many files.
+
+    Attributes:
+        connection: to its empty tables.
+    """
+
+    def __init__(self) -> None:
+        self.connection = duckdb.connect()
+        for table in EVIDENCE_TABLES:
+            self.connection.execute(schemas.ddl(table))
+        self.connection.execute("set enable_external_access = false")
+
+    def close(self) -> None:
+        """Free the connection."""
+        self.connection.close()
+
+    def __enter__(self) -> Binder:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def bind(
+        self, file: SqlFile, literals: dict[str, str], result: dict[str, str], *, alone: bool
+    ) -> Reads:
+        """Bind a file's select with its parameters filled in.
+
+        Args:
+            file: rule or preset.
+            literals: a literal for each parameter that the file may read.
+            result: column name to DuckDB type, in order.
+            alone: a rule judges a proposal by itself: `proposals` once and no window, so that it
+                says the same of a proposal whichever others it sees.
+
+        Raises:
+            RuleError: with file and line.
+        """
+        for name, line in uses(file.select):
+            if name not in literals:
+                raise RuleError(
+                    f"{file.path}:{file.select_line + line}: parameter {name} is used but not set; "
+                    f"add `set variable {name} = ...;  -- unit: meaning`"
+                )
+        select = fill_in(file.select, literals)
+        self._check_result(file, self._describe(file, select), result)
+        tree = _Tree(self._parse(select))
+        self._check_functions(file, tree)
+        if alone:
+            _check_alone(file, tree)
+        tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
+        known = [name for name, _, _ in schemas.columns("proposals")]
+        read = {*KEY_COLUMNS, *(known if tree.star else tree.words)}
+        return Reads(tables, tuple(name for name in known if name in read))
+
+    def _describe(self, file: SqlFile, select: str) -> list[tuple[str, str]]:
+        """Names and types of the columns the select gives."""
+        try:
+            rows = self.connection.execute("describe " + select).fetchall()
+        except duckdb.Error as error:
+            hint = f" (evidence tables are {', '.join(EVIDENCE_TABLES)})"
+            known = isinstance(error, duckdb.CatalogException) and "Table with name" in str(error)
+            message = located(file.path, file.select_line, error)
+            raise RuleError(message + hint * known) from error
+        return [(row[0], row[1]) for row in rows]
+
+    def _check_result(
+        self, file: SqlFile, found: list[tuple[str, str]], wanted: dict[str, str]
+    ) -> None:
+        """The result has these columns, in this order, of these types."""
+        where = f"{file.path}:{file.select_line}"
+        names = [name for name, _ in found]
+        if names != list(wanted):
+            raise RuleError(
+                f"{where}: the select gives columns ({', '.join(names)}), "
+                f"it must give ({', '.join(wanted)})"
+            )
+        for name, kind in found:
+            if kind != wanted[name]:
+                raise RuleError(
+                    f"{where}: column {name} is {kind}, it must be {wanted[name]}; "
+                    f"cast it with ::{wanted[name].lower()}"
+                )
+
+    def _parse(self, select: str) -> Any:
+        """DuckDB's syntax tree."""
+        ((text,),) = self.connection.execute("select json_serialize_sql($1)", [select]).fetchall()
+        return json.loads(text)
+
+    def _check_functions(self, file: SqlFile, tree: _Tree) -> None:
+        """Refuse what may say something else tomorrow."""
+        unstable = sorted(self._unstable & set(tree.functions))
+        if unstable:
+            raise RuleError(
+                f"{file.path}:{file.select_line}: {unstable[0]}() may differ from run to run; "
+                "a verdict depends on evidence and parameters alone"
+            )
+
+    @cached_property
+    def _unstable(self) -> set[str]:
+        """Functions of time, chance, session or state."""
+        rows = self.connection.execute(
+            "select distinct function_name from duckdb_functions() "
+            "where stability in ('VOLATILE', 'CONSISTENT_WITHIN_QUERY')"
+        ).fetchall()
+        return {str(name) for (name,) in rows} - {"error"}
+
+
+def _check_alone(file: SqlFile, tree: _Tree) -> None:
+    """A rule looks at one proposal at a time."""
+    if tree.tables.count("proposals") != 1 or "WINDOW" in tree.classes:
+        raise RuleError(
+            f"{file.path}:{file.select_line}: a rule judges each proposal by itself: name "
+            "`proposals` once and use no window; compare proposals in the preset's select"
+        )
+
+
+class _Tree:
+    """What occurs in a syntax tree."""
+
+    def __init__(self, tree: Any) -> None:
+        self._nodes = list(_dictionaries(tree))
+
+    @cached_property
+    def tables(self) -> list[str]:
+        """Names of tables read, common table expressions included."""
+        return [n["table_name"] for n in self._nodes if n.get("type") == "BASE_TABLE"]
+
+    @cached_property
+    def functions(self) -> list[str]:
+        """Names of functions called."""
+        return [n["function_name"] for n in self._nodes if "function_name" in n]
+
+    @cached_property
+    def classes(self) -> set[str]:
+        """Kinds of expressions."""
+        return {str(n["class"]) for n in self._nodes if "class" in n}
+
+    @property
+    def star(self) -> bool:
+        """Whether `*` or a whole row stands somewhere, so that every column counts as read."""
+        return "STAR" in self.classes or "proposals" in self.words
+
+    @cached_property
+    def words(self) -> set[str]:
+        """Every part of every column reference."""
+        words = {w for n in self._nodes for w in n.get("column_names", [])}
+        return words | {w for n in self._nodes for w in n.get("using_columns", [])}
+
+
+def _dictionaries(tree: Any) -> Iterator[dict[str, Any]]:
+    """Every dictionary in nested lists and dictionaries."""
+    if isinstance(tree, dict):
+        yield tree
+        tree = list(tree.values())
+    if isinstance(tree, list):
+        for child in tree:
+            yield from _dictionaries(child)

@@ -1,0 +1,130 @@
+"""Rules: one file a rule, what must hold for one proposal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from tcrdata.errors import RuleError
+from tcrdata.resources import resource_folder
+from tcrdata.rules.binding import RULE_COLUMNS, Binder, Reads
+from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, read_sql_file, uses
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule as its file has it.
+
+    Attributes:
+        name: the file's name.
+        decides: what it decides, in a sentence or two.
+        source: where in the literature it comes from.
+        needs: the condition, as people read it.
+        cues: stages that can measure what it reads; empty when any proposal has it.
+        parameters: in the order of the file.
+        file: the parsed file.
+        reads: tables and columns.
+    """
+
+    name: str
+    decides: str
+    source: str
+    needs: str
+    cues: tuple[str, ...]
+    parameters: tuple[Parameter, ...]
+    file: SqlFile
+    reads: Reads
+
+    def select(self, literals: dict[str, str]) -> str:
+        """The rule's select with its parameters filled in.
+
+        Args:
+            literals: parameter name to SQL literal; the rule's own where it is absent.
+        """
+        own = {p.name: p.literal for p in self.parameters}
+        return fill_in(self.file.select, own | literals)
+
+
+def load_rule(path: Path, binder: Binder) -> Rule:
+    """Read one rule and bind it on empty tables.
+
+    Raises:
+        RuleError: with file and line.
+    """
+    file = read_sql_file(path, ("source", "needs", "cues"), binder.connection)
+    literals = {p.name: p.literal for p in file.parameters}
+    reads = binder.bind(file, literals, RULE_COLUMNS, alone=True)
+    used = {name for name, _ in uses(file.select)}
+    for parameter in file.parameters:
+        if parameter.name not in used:
+            raise RuleError(f"{path}:{parameter.line}: {parameter.name} is set but not used")
+        check_described(parameter)
+    cues = names_in(file.fields["cues"])
+    return Rule(
+        file.name, file.decides, file.fields["source"], file.fields["needs"], cues,
+        file.parameters, file, reads,
+    )  # fmt: skip
+
+
+def load_rules(folder: Path | None = None, binder: Binder | None = None) -> dict[str, Rule]:
+    """Read the rules that ship with tcrdata, and those of a folder of one's own.
+
+    Args:
+        folder: holds `<rule>.sql` files; its names and parameters must not be taken already.
+        binder: binds them; one of its own without.
+
+    Returns:
+        name to rule, sorted by name.
+
+    Raises:
+        RuleError: with file and line.
+    """
+    if binder is None:
+        with Binder() as own:
+            return load_rules(folder, own)
+    shipped = resource_folder("queries") / "rules"
+    paths = sorted(shipped.glob("*.sql"))
+    if folder is not None and folder.resolve() != shipped.resolve():
+        paths += sorted(folder.glob("*.sql"))
+    rules = [load_rule(path, binder) for path in paths]
+    check_unique([p for rule in rules for p in rule.parameters])
+    for index, rule in enumerate(rules):
+        earlier = next((r for r in rules[:index] if r.name == rule.name), None)
+        if earlier is not None:
+            raise RuleError(f"{rule.file.path}:1: a rule {rule.name} is in {earlier.file.path} too")
+    return {rule.name: rule for rule in sorted(rules, key=lambda rule: rule.name)}
+
+
+def check_described(parameter: Parameter) -> None:
+    """A parameter's line says what it means.
+
+    Raises:
+        RuleError: it does not.
+    """
+    if not parameter.meaning:
+        raise RuleError(
+            f"{parameter.path}:{parameter.line}: say what {parameter.name} means, on its line: "
+            "`-- unit: meaning`"
+        )
+
+
+def check_unique(parameters: Iterable[Parameter]) -> None:
+    """A parameter's name belongs to one file.
+
+    Raises:
+        RuleError: two files set it.
+    """
+    seen: dict[str, Parameter] = {}
+    for parameter in parameters:
+        other = seen.setdefault(parameter.name, parameter)
+        if other is not parameter:
+            raise RuleError(
+                f"{parameter.path}:{parameter.line}: parameter {parameter.name} is set in "
+                f"{other.path.name} too; name it otherwise"
+            )
+
+
+def names_in(field: str) -> tuple[str, ...]:
+    """Names of a comma-separated header field."""
+    return tuple(name.strip() for name in field.split(",") if name.strip())

@@ -1,0 +1,208 @@
+"""Selections: one run of a preset over a frozen list of files."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+
+from tcrdata.errors import MissingEvidenceError
+from tcrdata.rules.binding import EVIDENCE_TABLES
+from tcrdata.rules.judging import judge
+from tcrdata.rules.presets import FilledPreset, Preset, load_preset
+from tcrdata.store import FileEntry, Snapshot, Store, Unit
+from tcrdata.store.filesystem import Filesystem
+from tcrdata.store.views import create_views
+
+STAGE = "selection"
+ANY_DATASET = "_"
+BATCH_ROWS = 500_000
+"""Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
+
+_BATCH = "batch"  # schema that holds the views of the batch at hand
+
+
+@dataclass(frozen=True)
+class Selection:
+    """A selection that the store holds.
+
+    Attributes:
+        selection_id: hash of rule texts, parameters, preset text and evidence.
+        name: what the newest pointer calls it.
+        preset: the preset's name.
+        round: EM round.
+        snapshot: the frozen list of files it read.
+        proposals_judged: proposals that the first rule saw.
+        labels: labels that came out.
+        made: False when the same selection was there already.
+    """
+
+    selection_id: str
+    name: str
+    preset: str
+    round: int
+    snapshot: str
+    proposals_judged: int
+    labels: int
+    made: bool
+
+
+def select(
+    store: Store,
+    preset: str | Preset,
+    overrides: Mapping[str, object] | None = None,
+    *,
+    name: str | None = None,
+    round: int = 1,
+    snapshot: str | None = None,
+) -> Selection:
+    """Judge a store's proposals with a preset, write the labels and point to them.
+
+    Args:
+        store: evidence is read from it, labels are written to it.
+        preset: name, path or a loaded preset.
+        overrides: parameter name to value, or its text.
+        name: of the selection; the preset's without one.
+        round: EM round whose evidence is read.
+        snapshot: read its files instead of those of this moment.
+
+    Raises:
+        SettingsError: unknown preset or parameter, or a value of the wrong type.
+        RuleError: a rule or preset file is wrong; names file and line.
+        MissingEvidenceError: a stage that the preset reads has not been built for a sequence.
+    """
+    loaded = load_preset(preset) if isinstance(preset, str) else preset
+    filled = loaded.fill(overrides)
+    _require_evidence(store, filled, round)
+    frozen = store.snapshot(snapshot) if snapshot else store.freeze(None, EVIDENCE_TABLES)
+    files = [f for f in frozen.files if f.table in EVIDENCE_TABLES and f.unit.round == round]
+    identity = _identity(filled, files, round)
+    unit = Unit(STAGE, ANY_DATASET, identity[:16], round)
+    name = name or filled.name
+    inputs = {"evidence": _digest_of(files)}
+    made = not store.is_done(unit, identity, inputs)
+    if made:
+        with store.writer(unit, settings_hash=identity, inputs=inputs) as writer:
+            for table, columns in _rows(store, filled, frozen, files, unit, name):
+                writer.append(table, columns)
+    store.point_to(unit.sequence, name)
+    (row,) = store.read("selections", dataset=ANY_DATASET, sequence=unit.sequence).to_pylist()
+    return Selection(
+        unit.sequence, name, row["preset"], round, row["snapshot"], row["proposals_judged"],
+        row["labels"], made,
+    )  # fmt: skip
+
+
+def _require_evidence(store: Store, preset: FilledPreset, round: int) -> None:
+    """Every sequence has been through every stage that the preset reads."""
+    stages: dict[tuple[str, str], set[str]] = defaultdict(set)
+    failed = set()
+    for record in store.records():
+        unit = record.unit
+        if unit.dataset != ANY_DATASET and unit.round == round:
+            stages[unit.dataset, unit.sequence].add(unit.stage)
+            if "failed" in record.inputs:
+                failed.add((unit.dataset, unit.sequence))
+    if not stages:
+        raise MissingEvidenceError(
+            f"{store.url} holds no evidence of round {round}; run `tcrdata build --dataset D "
+            f"--root ROOT --store {store.url} --preset {preset.name}`"
+        )
+    for (dataset, sequence), there in sorted(stages.items()):
+        missing = [cue for cue in preset.cues if cue not in there]
+        if missing and (dataset, sequence) not in failed:
+            raise MissingEvidenceError(
+                f"preset {preset.name} reads {', '.join(missing)}, which {dataset}/{sequence} "
+                f"lacks; run `tcrdata build --dataset {dataset} "
+                f"--root {_root(store, dataset, sequence)} --store {store.url} "
+                f"--preset {preset.name}`"
+            )
+
+
+def _root(store: Store, dataset: str, sequence: str) -> str:
+    """Where the sequence's files lie."""
+    rows = store.read("sequences", columns=["root"], dataset=dataset, sequence=sequence)
+    return str(rows["root"][0].as_py()) if rows.num_rows else "ROOT"
+
+
+def _identity(preset: FilledPreset, files: Sequence[FileEntry], round: int) -> str:
+    """Hash of all that the labels follow from."""
+    content = {
+        "rules": [[rule.name, rule.select, rule.required] for rule in preset.rules],
+        "preset": preset.select,
+        "parameters": preset.parameters,
+        "round": round,
+        "evidence": _digest_of(files),
+    }
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _digest_of(files: Sequence[FileEntry]) -> str:
+    """Hash of the content of files and of what they are files of."""
+    lines = sorted(f"{f.table} {f.unit} {f.sha256}" for f in files)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()
+
+
+def _rows(
+    store: Store,
+    preset: FilledPreset,
+    frozen: Snapshot,
+    files: Sequence[FileEntry],
+    unit: Unit,
+    name: str,
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Labels batch by batch, then the selection's own row."""
+    judged = labels = 0
+    opened = Filesystem(store.url)
+    with duckdb.connect() as connection:
+        for batch in _batches(files):
+            connection.execute(f"drop schema if exists {_BATCH} cascade")
+            create_views(connection, opened, batch, {}, _BATCH)
+            relations = {table: f"{_BATCH}.{table}" for table in EVIDENCE_TABLES}
+            judgement = judge(connection, preset, relations)
+            judged += judgement.judged
+            labels += judgement.labels.num_rows
+            columns = {c: judgement.labels[c] for c in judgement.labels.column_names}
+            yield "labels", {"selection_id": [unit.sequence] * len(judgement.labels), **columns}
+    yield "labels", {}
+    yield (
+        "selections",
+        {
+            "selection_id": [unit.sequence],
+            "name": [name],
+            "preset": [preset.name],
+            "round": [unit.round],
+            "snapshot": [frozen.name],
+            "rules": [[rule.name for rule in preset.rules]],
+            "rule_texts": [[rule.select for rule in preset.rules]],
+            "required": [[rule.required for rule in preset.rules]],
+            "preset_text": [preset.select],
+            "parameters": [list(preset.parameters.items())],
+            "proposals_judged": [judged],
+            "labels": [labels],
+        },
+    )
+
+
+def _batches(files: Sequence[FileEntry]) -> Iterator[dict[str, list[FileEntry]]]:
+    """Files of whole sequences, in order, about BATCH_ROWS proposals together."""
+    sequences: dict[tuple[str, str], list[FileEntry]] = defaultdict(list)
+    for entry in files:
+        sequences[entry.unit.dataset, entry.unit.sequence].append(entry)
+    batch: dict[str, list[FileEntry]] = {table: [] for table in EVIDENCE_TABLES}
+    rows = 0
+    for key in sorted(sequences):
+        more = sum(entry.rows for entry in sequences[key] if entry.table == "proposals")
+        if rows and rows + more > BATCH_ROWS:
+            yield batch
+            batch, rows = {table: [] for table in EVIDENCE_TABLES}, 0
+        for entry in sequences[key]:
+            batch[entry.table].append(entry)
+        rows += more
+    if rows:
+        yield batch

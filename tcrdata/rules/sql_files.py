@@ -1,0 +1,279 @@
+"""Reads a file of SQL that decides: header, parameters, one select.
+
+Such a file runs as it is in any DuckDB shell. Here DuckDB's own tokenizer finds the statements and
+the places where a parameter is used, so that strings and comments can never be mistaken for either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+from typing import Any, Literal
+
+import duckdb
+
+from tcrdata.errors import RuleError
+
+Kind = Literal["number", "text", "true or false"]
+Token = tuple[int, str]  # byte offset, text
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A `set variable` line.
+
+    Attributes:
+        name: unique over all rules and presets.
+        literal: its value as a DuckDB literal in one canonical spelling.
+        kind: what an override must be.
+        unit: before the colon of the line's comment; empty without one.
+        meaning: after it.
+        path: file.
+        line: 1-based.
+    """
+
+    name: str
+    literal: str
+    kind: Kind
+    unit: str
+    meaning: str
+    path: Path
+    line: int
+
+
+@dataclass(frozen=True)
+class SqlFile:
+    """A parsed file.
+
+    Attributes:
+        path: file.
+        decides: first paragraph of the header.
+        fields: `-- name: value` lines of the header.
+        parameters: in the order of the file.
+        select: the one select, without comments around it and without its semicolon.
+        select_line: 1-based line at which it starts.
+    """
+
+    path: Path
+    decides: str
+    fields: dict[str, str]
+    parameters: tuple[Parameter, ...]
+    select: str
+    select_line: int
+
+    @property
+    def name(self) -> str:
+        """Name of the file without its ending."""
+        return self.path.stem
+
+
+def read_sql_file(
+    path: Path, field_names: tuple[str, ...], connection: duckdb.DuckDBPyConnection
+) -> SqlFile:
+    """Read and split a file; nothing is bound yet.
+
+    Args:
+        path: file.
+        field_names: fields that the header must have.
+        connection: runs the `set variable` lines.
+
+    Raises:
+        RuleError: with file and line.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise RuleError(f"{path}: cannot be read ({error}); give a readable UTF-8 file") from error
+    decides, fields = _header(text, field_names)
+    missing = [name for name in field_names if name not in fields]
+    if missing or not decides:
+        wanted = f"a line '-- {missing[0]}: ...'" if missing else "a sentence on what it decides"
+        raise RuleError(f"{path}:1: the header comment lacks {wanted}")
+    *settings, (select_at, select) = _statements(path, text)
+    parameters = tuple(
+        _parameter(path, text, at, statement, connection) for at, statement in settings
+    )
+    names = [p.name for p in parameters]
+    for parameter in parameters:
+        if names.count(parameter.name) > 1:
+            raise RuleError(f"{path}:{parameter.line}: parameter {parameter.name} is set twice")
+    return SqlFile(path, decides, fields, parameters, select, _line(text, select_at))
+
+
+def uses(select: str) -> list[tuple[str, int]]:
+    """Parameters that a select reads: name, and line within the select (0-based)."""
+    return [(name, _line(select, start) - 1) for start, _, name in _places(select)]
+
+
+def fill_in(select: str, literals: Mapping[str, str]) -> str:
+    """Put literals in the place of `getvariable('name')`, by position."""
+    data = select.encode()
+    for start, end, name in reversed(_places(select)):
+        data = data[:start] + f"({literals[name]})".encode() + data[end:]
+    return data.decode()
+
+
+def to_literal(value: object, kind: Kind) -> str:
+    """Spell a value as a literal, the same for equal values.
+
+    Raises:
+        ValueError: the value is not of that kind; the message says what it must be.
+    """
+    if kind == "text":
+        if isinstance(value, str):
+            return "'" + value.replace("'", "''") + "'"
+        raise ValueError("must be text")
+    if kind == "true or false":
+        if str(value).lower() in ("true", "false"):
+            return str(value).lower()
+        raise ValueError("must be true or false")
+    try:
+        number = Decimal(str(value))
+    except InvalidOperation:
+        raise ValueError("must be a number") from None
+    if isinstance(value, bool) or not number.is_finite():
+        raise ValueError("must be a finite number")
+    return format(number.normalize() + 0, "f")
+
+
+def _header(text: str, field_names: tuple[str, ...]) -> tuple[str, dict[str, str]]:
+    """First paragraph and fields of the comment lines at the top; indented lines go on."""
+    paragraph: list[str] = []
+    fields: dict[str, str] = {}
+    current = None
+    for line in text.splitlines():
+        if not line.startswith("--"):
+            break
+        body = line[2:]
+        name, colon, value = body.partition(":")
+        if colon and name.strip() in field_names:
+            current = name.strip()
+            fields[current] = value.strip()
+        elif current and body.startswith("  "):
+            fields[current] += " " + body.strip()
+        elif not fields and current is None and body.strip():
+            paragraph.append(body.strip())
+        else:
+            current = ""
+    return " ".join(paragraph), fields
+
+
+def _tokens(sql: str) -> list[Token]:
+    """Tokens without comments (which only some DuckDB versions report)."""
+    data = sql.encode()
+    starts = [start for start, _ in duckdb.tokenize(sql)]
+    ends = [*starts[1:], len(data)]
+    tokens = [(a, data[a:b].decode()) for a, b in zip(starts, ends, strict=True)]
+    return [(a, text) for a, text in tokens if not text.startswith(("--", "/*"))]
+
+
+def _statements(path: Path, text: str) -> list[Token]:
+    """Split at semicolons: `set` statements, then one select."""
+    try:
+        kinds = [statement.type for statement in duckdb.extract_statements(text)]
+    except duckdb.Error as error:
+        raise RuleError(located(path, 1, error)) from error
+    spans: list[list[Token]] = [[]]
+    for start, token in _tokens(text):
+        if token.startswith(";"):
+            spans.append([])
+        else:
+            spans[-1].append((start, token))
+    pieces = [_span(text, span) for span in spans if span]
+    if not pieces or len(pieces) != len(kinds):
+        raise RuleError(f"{path}:1: holds no statement; it needs one select")
+    for kind, (start, _) in zip(kinds[:-1], pieces[:-1], strict=True):
+        if kind != duckdb.StatementType.SET:
+            raise RuleError(
+                f"{path}:{_line(text, start)}: only `set variable` lines may stand before "
+                f"the one select, this is {kind.name}"
+            )
+    if kinds[-1] != duckdb.StatementType.SELECT:
+        raise RuleError(
+            f"{path}:{_line(text, pieces[-1][0])}: must end with one select, "
+            f"this is {kinds[-1].name}; a rule or preset only reads"
+        )
+    return pieces
+
+
+def _span(text: str, span: list[Token]) -> Token:
+    """Text from the first token of a statement to the end of its last."""
+    start, (last, token) = span[0][0], span[-1]
+    return start, text.encode()[start : last + len(token.encode())].decode().strip()
+
+
+def _parameter(
+    path: Path, text: str, start: int, statement: str, connection: duckdb.DuckDBPyConnection
+) -> Parameter:
+    """Run one `set variable` line and read the value back."""
+    line = _line(text, start)
+    where = f"{path}:{line}"
+    words = [token.strip() for _, token in _tokens(statement)]
+    if len(words) < 5 or words[1].lower() != "variable" or words[3] != "=":
+        raise RuleError(f"{where}: write `set variable name = value;  -- unit: meaning`")
+    name = words[2]
+    try:
+        connection.execute(statement)
+        (row,) = connection.execute(
+            "select getvariable($1), typeof(getvariable($1))", [name]
+        ).fetchall()
+    except duckdb.Error as error:
+        raise RuleError(located(path, line, error)) from error
+    kind = _kind(row[0], row[1])
+    if kind is None:
+        raise RuleError(f"{where}: {name} is {row[1]}; a parameter is a number, text or boolean")
+    unit, meaning = _comment(text, start + len(statement.encode()))
+    return Parameter(name, to_literal(row[0], kind), kind, unit, meaning, path, line)
+
+
+def _kind(value: Any, type_name: str) -> Kind | None:
+    """What an override of a parameter of this type must be."""
+    if isinstance(value, bool):
+        return "true or false"
+    if isinstance(value, str):
+        return "text"
+    numbers = ("DECIMAL", "DOUBLE", "FLOAT", "TINYINT", "SMALLINT", "INTEGER", "BIGINT")
+    return "number" if value is not None and type_name.startswith(numbers) else None
+
+
+def _comment(text: str, end: int) -> tuple[str, str]:
+    """Unit and meaning from the comment behind a statement, on the same line."""
+    rest = text.encode()[end:].decode().partition("\n")[0].lstrip(" ;")
+    if not rest.startswith("--"):
+        return "", ""
+    unit, colon, meaning = rest[2:].partition(": ")
+    return (unit.strip(), meaning.strip()) if colon else ("", unit.strip())
+
+
+def _places(select: str) -> list[tuple[int, int, str]]:
+    """Byte spans of `getvariable('name')` and the names."""
+    tokens = _tokens(select)
+    places = []
+    for (start, word), opened, (_, text), (last, closed) in zip(
+        tokens, tokens[1:], tokens[2:], tokens[3:], strict=False
+    ):
+        call = (word.strip().lower(), opened[1].strip(), closed.strip()[:1])
+        if call == ("getvariable", "(", ")") and text.startswith("'"):
+            places.append((start, last + 1, text.strip()[1:-1]))
+    return places
+
+
+def _line(text: str, byte_offset: int) -> int:
+    """1-based line of a byte offset."""
+    return text.encode()[:byte_offset].count(b"\n") + 1
+
+
+def located(path: Path, first_line: int, error: duckdb.Error) -> str:
+    """One line for a DuckDB error: file, line, what is wrong, what DuckDB suggests.
+
+    Args:
+        path: file the SQL came from.
+        first_line: 1-based line in the file at which that SQL starts.
+        error: its message ends with `LINE n: ...` when DuckDB knows the place.
+    """
+    message, _, place = str(error).partition("\n\nLINE ")
+    number = place.partition(":")[0]
+    line = first_line + int(number) - 1 if number.isdigit() else first_line
+    return f"{path}:{line}: {' '.join(message.split())}"
