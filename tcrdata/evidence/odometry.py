@@ -1,0 +1,289 @@
+"""Egomotion from the points alone, forward and backward in time as two independent estimates.
+
+LiDAR: KISS-ICP on the points that are no ground. Depth: registration to keyframes. Both run over
+the sequence in order, and once more in reverse order; a link's cycle error compares the two, and
+its alignment lays the sweep on the one 10 frames later: consistency is not truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from tcrdata.errors import FrameError
+from tcrdata.evidence.alignment import cycle_error, share_with_neighbour
+from tcrdata.evidence.chunks import even_spans
+from tcrdata.evidence.depth_path import DepthPath
+from tcrdata.evidence.lidar_path import LidarPath
+from tcrdata.evidence.point_rows import (
+    EncodedPoints,
+    decode_matching,
+    error_rows,
+    read_encoded,
+)
+from tcrdata.evidence.poses import Poses, chain
+from tcrdata.geometry.transforms import inverse, rotation_angle, transform_points
+from tcrdata.types import (
+    CueInput,
+    Dataset,
+    Float32Array,
+    FloatArray,
+    Frame,
+    PointCloud,
+    Rows,
+    Sensor,
+)
+
+NEEDS: tuple[str, ...] = ("ground",)
+GIVES: tuple[str, ...] = ("egomotions",)
+NEEDS_IMAGES: bool = False
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How egomotion is estimated; metres are multiplied by the sequence's metric scale.
+
+    Attributes:
+        nearest_m: LiDAR: nearer points are not used (the vehicle itself).
+        furthest_m: LiDAR: farther points are not used.
+        voxel_m: LiDAR: side of the map's voxels.
+        depth_voxel_m: depth: frames are thinned to one point a voxel.
+        depth_gate_m: depth: points farther from the keyframe do not count.
+        depth_residual_share: depth: a camera that stood still may leave this much more residual
+            than the best registration before a motion is believed.
+        depth_overlap_share: depth: fewer points with a partner make a new keyframe.
+        minimum_points: frames with fewer usable points are passed over.
+        gap_s: frames farther apart in time are not linked.
+        alignment_frames: the alignment is measured so many frames later.
+        alignment_radius_m: a neighbour this near counts.
+        alignment_points: most points asked for a neighbour.
+        chunk_frames: most frames an item of the checks.
+    """
+
+    nearest_m: float = 3.5
+    furthest_m: float = 80.0
+    voxel_m: float = 1.0
+    depth_voxel_m: float = 0.3
+    depth_gate_m: float = 1.0
+    depth_residual_share: float = 0.05
+    depth_overlap_share: float = 0.7
+    minimum_points: int = 10
+    gap_s: float = 1.0
+    alignment_frames: int = 10
+    alignment_radius_m: float = 0.15
+    alignment_points: int = 4000
+    chunk_frames: int = 50
+
+
+@dataclass(frozen=True)
+class _Direction:
+    """The frames in the order in which one estimator sees them."""
+
+    dataset: Dataset
+    sensor: Sensor
+    settings: Settings
+    frames: tuple[Frame, ...]
+    ground: dict[int, EncodedPoints]
+
+
+@dataclass(frozen=True)
+class _Link:
+    """Both estimates of one motion."""
+
+    frame: int
+    frame_to: int
+    to_T_from: FloatArray
+    from_T_to: FloatArray
+
+
+@dataclass(frozen=True)
+class _Chunk:
+    """Links to be checked, with every frame that the checks read."""
+
+    dataset: Dataset
+    sensor: Sensor
+    settings: Settings
+    links: tuple[_Link, ...]
+    later: dict[int, tuple[int, int]]
+    poses: Poses
+    frames: dict[int, Frame]
+    ground: dict[int, EncodedPoints]
+
+
+def run(cue: CueInput) -> Iterator[Rows]:
+    """Yield rows of `egomotions` with method odometry, one a pair of consecutive usable frames."""
+    settings = _scaled(cue.settings, cue.info.metric_scale)
+    ground = _read_ground(cue)
+    onward, back = (
+        _Direction(cue.dataset, cue.info.sensor, settings, frames, ground)
+        for frames in (cue.frames, cue.frames[::-1])
+    )
+    (forward, errors), (backward, _) = cue.parallel(_estimate, [onward, back])
+    yield from error_rows(errors)
+    links = _links(forward, backward)
+    yield from cue.parallel(_check, _chunks(cue, settings, links, ground))
+
+
+def _scaled(settings: Settings, metric_scale: float) -> Settings:
+    names = (
+        "nearest_m",
+        "furthest_m",
+        "voxel_m",
+        "depth_voxel_m",
+        "depth_gate_m",
+        "alignment_radius_m",
+    )
+    return replace(settings, **{name: getattr(settings, name) * metric_scale for name in names})
+
+
+def _read_ground(cue: CueInput) -> dict[int, EncodedPoints]:
+    rows = (read_encoded(cue.tables, frame.frame, "ground") for frame in cue.frames)
+    return {row.frame: row for row in rows if row is not None}
+
+
+def _estimate(
+    direction: _Direction,
+) -> tuple[list[tuple[int, int, FloatArray]], list[tuple[int, str]]]:
+    """Return the motions (a, b, b_T_a) between neighbours in order, and frames that failed."""
+    motions: list[tuple[int, int, FloatArray]] = []
+    errors: list[tuple[int, str]] = []
+    path, before, before_ns, usual_ns = _new_path(direction), None, 0, 0
+    world_T_before = np.eye(4)
+    for frame in direction.frames:
+        try:
+            cloud = direction.dataset.read_points(frame)
+        except FrameError as error:
+            errors.append((frame.frame, str(error)))
+            continue
+        xyz = _usable(direction, frame, cloud)
+        if len(xyz) < direction.settings.minimum_points:
+            continue
+        step_ns = abs(frame.timestamp_ns - before_ns)
+        if before is not None and step_ns > direction.settings.gap_s * 1e9:
+            path, before, usual_ns = _new_path(direction), None, 0
+        world_T_level = path.add(xyz, step_ns / usual_ns if usual_ns else 1.0)
+        if before is not None:
+            motions.append((before, frame.frame, inverse(world_T_level) @ world_T_before))
+            usual_ns = step_ns
+        before, before_ns, world_T_before = frame.frame, frame.timestamp_ns, world_T_level
+    return motions, errors
+
+
+def _new_path(direction: _Direction) -> LidarPath | DepthPath:
+    settings = direction.settings
+    if direction.sensor == "lidar":
+        return LidarPath(furthest_m=settings.furthest_m, voxel_m=settings.voxel_m)
+    return DepthPath(
+        voxel_m=settings.depth_voxel_m,
+        gate_m=settings.depth_gate_m,
+        residual_share=settings.depth_residual_share,
+        overlap_share=settings.depth_overlap_share,
+    )
+
+
+def _usable(direction: _Direction, frame: Frame, cloud: PointCloud) -> Float32Array:
+    """Return the points to register: without ground for LiDAR, all for depth.
+
+    A table carries most of what a depth image knows of height and tilt.
+    """
+    if direction.sensor == "depth":
+        return cloud.xyz
+    settings = direction.settings
+    sensor = frame.sensor_matrix[:3, 3].astype(np.float32)
+    squares = ((cloud.xyz - sensor) ** 2).sum(axis=1)
+    kept = (squares >= settings.nearest_m**2) & (squares <= settings.furthest_m**2)
+    if frame.frame in direction.ground:
+        kept &= ~decode_matching(direction.ground[frame.frame], len(cloud))
+    return np.asarray(cloud.xyz[kept])
+
+
+def _links(
+    forward: list[tuple[int, int, FloatArray]], backward: list[tuple[int, int, FloatArray]]
+) -> list[_Link]:
+    back = {(to, start): motion for start, to, motion in backward}
+    return [
+        _Link(start, to, motion, back[start, to])
+        for start, to, motion in forward
+        if (start, to) in back
+    ]
+
+
+def _chunks(
+    cue: CueInput, settings: Settings, links: list[_Link], ground: dict[int, EncodedPoints]
+) -> Iterator[_Chunk]:
+    poses = chain([(x.frame, x.frame_to, tuple(x.to_T_from.ravel())) for x in links])
+    frames = {frame.frame: frame for frame in cue.frames}
+    later = _later(links, poses, settings.alignment_frames)
+    for first, last in even_spans(len(links), largest=settings.chunk_frames, fewest=2):
+        part = links[first:last]
+        read = {n for x in part for n in (x.frame, later[x.frame][0])}
+        yield _Chunk(
+            dataset=cue.dataset,
+            sensor=cue.info.sensor,
+            settings=settings,
+            links=tuple(part),
+            later={x.frame: later[x.frame] for x in part},
+            poses=poses.only(sorted(read)),
+            frames={n: frames[n] for n in sorted(read)},
+            ground={n: ground[n] for n in sorted(read) if n in ground},
+        )
+
+
+def _later(links: list[_Link], poses: Poses, frames_later: int) -> dict[int, tuple[int, int]]:
+    """Return for each link's frame the one it is laid on, and how many frames later that is."""
+    order = sorted({n for x in links for n in (x.frame, x.frame_to)})
+    position = {frame: i for i, frame in enumerate(order)}
+    result = {}
+    for x in links:
+        i = position[x.frame]
+        for j in range(min(i + frames_later, len(order) - 1), i, -1):
+            if poses.linked(x.frame, order[j]):
+                result[x.frame] = (order[j], j - i)
+                break
+    return result
+
+
+def _check(chunk: _Chunk) -> Rows:
+    """Return the rows of a chunk's links; each sweep is read once."""
+    kept: dict[int, tuple[Float32Array, Float32Array]] = {}
+    columns: dict[str, list[object]] = {}
+    for link in chunk.links:
+        for number in (link.frame, chunk.later[link.frame][0]):
+            if number not in kept:
+                kept[number] = _sweep(chunk, number)
+        for number in [n for n in kept if n < link.frame]:
+            del kept[number]
+        for name, value in _row(chunk, link, kept).items():
+            columns.setdefault(name, []).append(value)
+    return Rows("egomotions", columns)
+
+
+def _sweep(chunk: _Chunk, number: int) -> tuple[Float32Array, Float32Array]:
+    """Return all points of a frame, and those that are no ground."""
+    xyz = chunk.dataset.read_points(chunk.frames[number]).xyz
+    ground = chunk.ground.get(number)
+    return xyz, xyz if ground is None else xyz[~decode_matching(ground, len(xyz))]
+
+
+def _row(
+    chunk: _Chunk, link: _Link, kept: dict[int, tuple[Float32Array, Float32Array]]
+) -> dict[str, object]:
+    xyz, objects = kept[link.frame]
+    later, frames_later = chunk.later[link.frame]
+    stride = max(-(-len(objects) // chunk.settings.alignment_points), 1)
+    moved = transform_points(chunk.poses.a_T_b(later, link.frame), objects[::stride])
+    share = share_with_neighbour(moved, kept[later][1], chunk.settings.alignment_radius_m)
+    return {
+        "frame": link.frame,
+        "frame_to": link.frame_to,
+        "method": "odometry",
+        "to_T_from": link.to_T_from.ravel().tolist(),
+        "from_T_to": link.from_T_to.ravel().tolist(),
+        "translation_m": float(np.linalg.norm(link.to_T_from[:3, 3])),
+        "rotation_rad": rotation_angle(link.to_T_from),
+        "cycle_error_m": cycle_error(xyz, link.to_T_from, link.from_T_to),
+        "alignment_share": share,
+        "alignment_frames": frames_later,
+    }
