@@ -53,6 +53,7 @@ create table proposals (
     voxels_b integer,                   -- release: voxels with |flow - egomotion flow| > 8 px
     smallest_side_voxels integer,       -- release: smallest side of the component, voxels
     smallest_side_px double,            -- release: smaller side of the projected region, pixels
+    projected_px integer,               -- release: pixels that the centres of the voxels of A and B project to
     size_rank integer,                  -- release: rank of the region in its frame by voxels, 1 = largest
     -- shape
     fill_share double,                  -- hull area over rectangle area, from above
@@ -71,5 +72,6 @@ create table proposals (
     track_height_m double,              -- height of the track's box
     track_range_min_m double,           -- nearest it came
     refinement_residual_m double,       -- root mean square change of the anchors under smoothing
-    frames_from_observation integer     -- distance to the nearest observed frame (0 = observed)
+    frames_from_observation integer,    -- distance to the nearest observed frame (0 = observed)
+    overlapped_share double             -- largest share of the footprint that a surer track covers in the same frame
 );

@@ -16,18 +16,22 @@ from typing import Any
 import numpy as np
 
 from tcrdata.errors import FrameError
+from tcrdata.evidence.alignment import cycle_error
+from tcrdata.evidence.chain_alignment import alignments
 from tcrdata.evidence.chunks import chunked
 from tcrdata.evidence.point_flow import PixelIndex, ends, pixel_index
 from tcrdata.evidence.point_rows import error_rows
+from tcrdata.evidence.poses import chain
 from tcrdata.evidence.rigid_ransac import RigidFit, ransac_rigid
 from tcrdata.evidence.stored_flow import CycleTest, Pair, StoredFlow, image_pairs, read_flow
-from tcrdata.geometry.transforms import rotation_angle, transform_points
-from tcrdata.types import CueInput, Dataset, Float32Array, FloatArray, Rows
+from tcrdata.geometry.transforms import rotation_angle
+from tcrdata.types import CueInput, Dataset, Float32Array, Rows
 
-NEEDS: tuple[str, ...] = ("flow",)
+NEEDS: tuple[str, ...] = ("flow", "ground")
 GIVES: tuple[str, ...] = ("egomotions",)
 NEEDS_IMAGES: bool = True
 METHOD = "flow_ransac"
+_NOT_ALIGNED = {"alignment_share": None, "alignment_frames": None}
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,9 @@ class Settings:
         scored_flows: at most so many displacements rank the motions; all of them refit the best.
         near_m: points at a depth of at most this take no part.
         seed: of the draws; the frame's number is mixed in.
+        alignment_frames: the alignment is measured so many frames later.
+        alignment_radius_m: a neighbour this near counts.
+        alignment_points: at most so many points are carried.
         pairs_per_task: frame pairs a worker takes at once.
     """
 
@@ -53,6 +60,9 @@ class Settings:
     scored_flows: int = 2000
     near_m: float = 1.0
     seed: int = 125
+    alignment_frames: int = 10
+    alignment_radius_m: float = 0.15
+    alignment_points: int = 4000
     pairs_per_task: int = 8
 
 
@@ -73,13 +83,37 @@ class _Task:
 
 def run(cue: CueInput) -> Iterator[Rows]:
     """Yield `egomotions`: one row a pair of consecutive frames that have flow."""
+    rows: list[dict[str, Any]] = []
+    for measured, errors in cue.parallel(_measure_task, _tasks(cue)):
+        rows += measured
+        yield from error_rows(errors)
+    if rows:
+        aligned = _alignments(cue, rows)
+        rows = [row | aligned.get(row["frame"], _NOT_ALIGNED) for row in rows]
+        yield Rows("egomotions", {name: [row[name] for row in rows] for name in rows[0]})
+
+
+def _tasks(cue: CueInput) -> Iterator[_Task]:
     settings: Settings = cue.settings
-    tasks = (
-        _Task(cue.dataset, _with_flows(cue, part), settings, cue.info.metric_scale)
-        for part in chunked(image_pairs(cue.frames), settings.pairs_per_task)
+    for part in chunked(image_pairs(cue.frames), settings.pairs_per_task):
+        yield _Task(cue.dataset, _with_flows(cue, part), settings, cue.info.metric_scale)
+
+
+def _alignments(cue: CueInput, rows: list[dict[str, Any]]) -> dict[int, dict[str, Any]]:
+    settings: Settings = cue.settings
+    poses = chain([(row["frame"], row["frame_to"], row["to_T_from"]) for row in rows])
+    measured = alignments(
+        cue,
+        poses,
+        frames_later=settings.alignment_frames,
+        radius_m=settings.alignment_radius_m * cue.info.metric_scale,
+        points=settings.alignment_points,
+        frames_per_task=settings.pairs_per_task,
     )
-    for batches in cue.parallel(_measure_task, tasks):
-        yield from batches
+    return {
+        found.frame: {"alignment_share": found.share, "alignment_frames": found.frames_later}
+        for found in measured
+    }
 
 
 def _with_flows(cue: CueInput, pairs: tuple[Pair, ...]) -> tuple[_PairFlows, ...]:
@@ -92,8 +126,9 @@ def _with_flows(cue: CueInput, pairs: tuple[Pair, ...]) -> tuple[_PairFlows, ...
     return tuple(found)
 
 
-def _measure_task(task: _Task) -> list[Rows]:
-    batches: list[Rows] = []
+def _measure_task(task: _Task) -> tuple[list[dict[str, Any]], list[tuple[int, str]]]:
+    rows: list[dict[str, Any]] = []
+    errors: list[tuple[int, str]] = []
     known: dict[int, PixelIndex] = {}
     near_m = task.settings.near_m * task.metric_scale
     for flows in task.flows:
@@ -104,15 +139,14 @@ def _measure_task(task: _Task) -> list[Rows]:
                 for frame in flows.pair
             )
         except FrameError as error:
-            batches += error_rows([(flows.pair.first.frame, str(error))])
+            errors.append((flows.pair.first.frame, str(error)))
             continue
         known = {flows.pair.second.frame: second}
         seed = (task.settings.seed, flows.pair.first.frame)
         forward = estimate(first, second, flows.forward, task, (*seed, 0))
         backward = estimate(second, first, flows.backward, task, (*seed, 1))
-        row = egomotion_row(flows.pair, first.xyz, forward, backward)
-        batches.append(Rows("egomotions", {name: [value] for name, value in row.items()}))
-    return batches
+        rows.append(egomotion_row(flows.pair, first.xyz, forward, backward))
+    return rows, errors
 
 
 @dataclass(frozen=True)
@@ -152,12 +186,6 @@ def estimate(
     return Estimate(len(from_xyz), fit)
 
 
-def cycle_error(forward: FloatArray, backward: FloatArray, xyz: Float32Array) -> float:
-    """Return `max_n |backward(forward(x_n)) - x_n|` in metres over (N, 3) points (eq. 6, 7)."""
-    there_and_back = transform_points(backward @ forward, xyz.astype(np.float64))
-    return float(np.sqrt(((there_and_back - xyz) ** 2).sum(axis=1).max(initial=0.0)))
-
-
 def egomotion_row(
     pair: Pair, xyz: Float32Array, forward: Estimate, backward: Estimate
 ) -> dict[str, Any]:
@@ -176,6 +204,6 @@ def egomotion_row(
         "translation_m": float(np.linalg.norm(there.to_T_from[:3, 3])) if there else None,
         "rotation_rad": rotation_angle(there.to_T_from) if there else None,
         "cycle_error_m": (
-            cycle_error(there.to_T_from, back.to_T_from, xyz) if there and back else None
+            cycle_error(xyz, there.to_T_from, back.to_T_from) if there and back else None
         ),
     }

@@ -53,6 +53,27 @@ def pixel_index(
     return index_points(dataset.read_points(frame), projection, width, height, near_m)
 
 
+def nearest_pixels(
+    cloud: PointCloud, projection: FloatArray, points: IntArray | None = None
+) -> tuple[IntArray, FloatArray]:
+    """Return the nearest whole-number pixels, (N, 2) column and row, and (N,) depths of points.
+
+    A depth camera's own pixels are used where it gives them. Pixels behind the camera are -1.
+
+    Args:
+        cloud: the frame's points.
+        projection: (3, 4), level frame to homogeneous pixels.
+        points: which points; all by default.
+    """
+    chosen: IntArray | slice = slice(None) if points is None else points
+    uv, depth = level_project(projection, cloud.xyz[chosen])
+    if cloud.pixels is not None:
+        return cloud.pixels[chosen].astype(np.int64), depth
+    # Far outside the image a pixel may not fit an integer: any negative one will do.
+    shown = ((depth > 0) & (np.abs(uv) < 2**31).all(axis=1))[:, None]
+    return np.where(shown, np.floor(np.where(shown, uv, 0.0) + 0.5), -1.0).astype(np.int64), depth
+
+
 def index_points(
     cloud: PointCloud, projection: FloatArray, width: int, height: int, near_m: float
 ) -> PixelIndex:
@@ -65,14 +86,10 @@ def index_points(
         height: image height, px.
         near_m: points at a depth of at most this are left out.
     """
-    uv, depth = level_project(projection, cloud.xyz)
-    pixels = uv if cloud.pixels is None else cloud.pixels.astype(np.float64)
-    in_front = np.flatnonzero(depth > near_m)
-    columns = np.floor(pixels[in_front, 0] + 0.5)
-    rows = np.floor(pixels[in_front, 1] + 0.5)
-    inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
-    points = in_front[inside]
-    cells = rows[inside].astype(np.int64) * width + columns[inside].astype(np.int64)
+    pixels, depth = nearest_pixels(cloud, projection)
+    usable = (depth > near_m) & (pixels >= 0).all(axis=1)
+    points = np.flatnonzero(usable & (pixels[:, 0] < width) & (pixels[:, 1] < height))
+    cells = pixels[points, 1] * width + pixels[points, 0]
     # Written far to near, so that the nearest stays; of equals the first in the cloud.
     order = np.lexsort((-points, -depth[points]))
     grid = np.full(height * width, -1, np.int32)
