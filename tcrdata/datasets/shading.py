@@ -37,6 +37,7 @@ class Light:
         zenith: linear RGB of the sky overhead.
         haze_m: distance at which a surface has faded to 1 - 1/e.
         shadow_rays: per sample; 0 for none.
+        closeness: whether near shapes take away some of the ambient light.
     """
 
     direction: tuple[float, float, float]
@@ -47,6 +48,7 @@ class Light:
     zenith: tuple[float, float, float]
     haze_m: float
     shadow_rays: int = 4
+    closeness: bool = True
 
     def rows(self) -> FloatArray:
         """Return the numbers as a (6, 3) array for the kernels."""

@@ -184,3 +184,52 @@ def _hit_plane(
         for _ in range(RELIEF_STEPS):
             t = (relief(px + t * qx, py + t * qy, wavelength_m, amplitude_m) - pz) / qz
     return t if t > 0.0 else np.inf
+
+
+@kernel
+def gather_candidates(
+    spheres: FloatArray, origin: FloatArray, directions: FloatArray, limit: float, found: IntArray
+) -> int:
+    """Find the shapes whose ball a bundle of rays may meet before t = limit.
+
+    Args:
+        spheres: (P, 4) balls, see `raycasting.Primitives`.
+        origin: (3,) of all rays.
+        directions: (K, 3); rays within the cone around them are covered.
+        limit: lengths of the longest direction.
+        found: (P,) filled with indices, in order.
+
+    Returns:
+        How many were found.
+    """
+    ax, ay, az, longest = 0.0, 0.0, 0.0, 0.0
+    for i in range(len(directions)):
+        x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        longest = max(longest, length)
+        ax, ay, az = ax + x / length, ay + y / length, az + z / length
+    scale = 1.0 / math.sqrt(ax * ax + ay * ay + az * az)
+    ax, ay, az = ax * scale, ay * scale, az * scale
+    cos_cone = 1.0
+    for i in range(len(directions)):
+        x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
+        cosine = (ax * x + ay * y + az * z) / math.sqrt(x * x + y * y + z * z)
+        cos_cone = min(cos_cone, cosine)
+    sin_cone = math.sqrt(max(0.0, 1.0 - cos_cone * cos_cone))
+    count = 0
+    for p in range(len(spheres)):
+        radius = spheres[p, 3]
+        x, y, z = spheres[p, 0] - origin[0], spheres[p, 1] - origin[1], spheres[p, 2] - origin[2]
+        distance = math.sqrt(x * x + y * y + z * z)
+        if distance > radius:
+            if distance - radius > limit * longest:
+                continue
+            sin_ball = radius / distance
+            cos_ball = math.sqrt(1.0 - sin_ball * sin_ball)
+            # cos(cone + ball): the widest angle off the axis at which the ball is touched.
+            bound = cos_cone * cos_ball - sin_cone * sin_ball
+            if ax * x + ay * y + az * z < (bound - 1e-9) * distance:
+                continue
+        found[count] = p
+        count += 1
+    return count

@@ -23,6 +23,7 @@ from tcrdata.geometry.intersections import (
     CYLINDER,
     PLANE,
     SPHERE,
+    gather_candidates,
     hit_shape,
     kernel,
     may_hit,
@@ -40,6 +41,8 @@ KINDS: dict[str, int] = {
 # Radius of the ball around each unit shape; a plane has none.
 UNIT_RADII = (math.inf, 1.0, math.sqrt(3.0), math.sqrt(2.0), math.sqrt(2.0))
 NOTHING = -1
+# Rays that share one search for the shapes they may meet.
+BUNDLE = 64
 
 
 @dataclass(frozen=True)
@@ -118,14 +121,18 @@ def _ball_radius(kind: int, half_size: FloatArray) -> float:
 
 
 def cast(
-    primitives: Primitives, origin: ArrayLike, directions: NDArray[np.floating]
+    primitives: Primitives,
+    origin: ArrayLike,
+    directions: NDArray[np.floating],
+    limit: float = math.inf,
 ) -> tuple[FloatArray, IntArray]:
     """Find the first shape along each ray.
 
     Args:
         primitives: P shapes.
         origin: (3,) metres, world, common to all rays.
-        directions: (N, 3) world.
+        directions: (N, 3) world; fastest where neighbours point the same way.
+        limit: the largest t that counts.
 
     Returns:
         (N,) t in lengths of the direction, inf where nothing is hit, and (N,) indices of shapes,
@@ -138,6 +145,7 @@ def cast(
         primitives.half_sizes,
         np.asarray(origin, dtype=np.float64),
         np.ascontiguousarray(directions, dtype=np.float64),
+        limit,
     )
 
 
@@ -178,22 +186,27 @@ def _cast(
     half_sizes: FloatArray,
     origin: FloatArray,
     directions: FloatArray,
+    limit: float,
 ) -> tuple[FloatArray, IntArray]:
     times = np.full(len(directions), np.inf)
     hits = np.full(len(directions), NOTHING, dtype=np.int64)
-    for i in range(len(directions)):
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        best = np.inf
-        for p in range(len(kinds)):
-            if not may_hit(spheres, p, origin[0], origin[1], origin[2], dx, dy, dz, best):
-                continue
-            t = hit_shape(
-                kinds, unit_T_world, half_sizes, p, origin[0], origin[1], origin[2], dx, dy, dz
-            )
-            if t < best:
-                best = t
-                hits[i] = p
-        times[i] = best
+    found = np.empty(len(kinds), dtype=np.int64)
+    x, y, z = origin[0], origin[1], origin[2]
+    for first in range(0, len(directions), BUNDLE):
+        bundle = directions[first : first + BUNDLE]
+        count = gather_candidates(spheres, origin, bundle, limit, found)
+        for i in range(len(bundle)):
+            dx, dy, dz = bundle[i, 0], bundle[i, 1], bundle[i, 2]
+            best = limit
+            for c in range(count):
+                p = found[c]
+                if not may_hit(spheres, p, x, y, z, dx, dy, dz, best):
+                    continue
+                t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz)
+                if t < best:
+                    best = t
+                    hits[first + i] = p
+                    times[first + i] = t
     return times, hits
 
 
@@ -210,6 +223,7 @@ def _count_pixels(
 ) -> tuple[IntArray, IntArray]:
     visible = np.zeros(len(windows), dtype=np.int64)
     whole = np.zeros(len(windows), dtype=np.int64)
+    found = np.empty(len(kinds), dtype=np.int64)
     x, y, z = origin[0], origin[1], origin[2]
     R = world_R_pixel
     for m in range(len(windows)):
@@ -219,6 +233,12 @@ def _count_pixels(
                 if last == 0:
                     first = p
                 last = p + 1
+        corners = np.empty((4, 3))
+        for corner in range(4):
+            column, row = windows[m, 2 * (corner % 2)], windows[m, 1 + 2 * (corner // 2)]
+            for axis in range(3):
+                corners[corner, axis] = R[axis, 0] * column + R[axis, 1] * row + R[axis, 2]
+        count = gather_candidates(spheres, origin, corners, np.inf, found)
         for row in range(windows[m, 1], windows[m, 3]):
             for column in range(windows[m, 0], windows[m, 2]):
                 dx = R[0, 0] * column + R[0, 1] * row + R[0, 2]
@@ -232,7 +252,8 @@ def _count_pixels(
                     continue
                 whole[m] += 1
                 hidden = False
-                for p in range(len(kinds)):
+                for c in range(count):
+                    p = found[c]
                     if first <= p < last:
                         continue
                     if not may_hit(spheres, p, x, y, z, dx, dy, dz, own):
