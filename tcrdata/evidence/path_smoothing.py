@@ -1,0 +1,122 @@
+"""Smooth paths and headings through uncertain sightings, by banded least squares."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tcrdata.types import BoolArray, FloatArray, IntArray
+
+# Third and second differences of neighbouring values.
+_JERK = np.array([-1.0, 3.0, -3.0, 1.0])
+_ACCELERATION = np.array([1.0, -2.0, 1.0])
+
+
+def smooth_path(
+    index: IntArray,
+    position: FloatArray,
+    information: FloatArray,
+    count: int,
+    jerk_m: float,
+    acceleration_m: float,
+) -> FloatArray:
+    """Return the (count, 2) path that minimises misfit and roughness.
+
+    sum e' I e over the sightings + sum |third difference|^2 / jerk^2
+    + sum |second difference|^2 / acceleration^2 over all steps.
+
+    Args:
+        index: (n,) steps with a sighting, rising, in [0, count).
+        position: (n, 2) sighted positions, metres.
+        information: (n, 2, 2) inverse covariances, 1 / m^2.
+        count: number of steps.
+        jerk_m: standard deviation of the third difference, metres.
+        acceleration_m: standard deviation of the second difference, metres; wide, it only makes
+            gaps and short paths well posed.
+    """
+    from scipy.linalg import solveh_banded
+
+    banded = np.zeros((7, 2 * count))
+    right = np.zeros(2 * count)
+    np.add.at(banded[0], 2 * index, information[:, 0, 0])
+    np.add.at(banded[0], 2 * index + 1, information[:, 1, 1])
+    np.add.at(banded[1], 2 * index, information[:, 0, 1])
+    pull = np.einsum("nij,nj->ni", information, position)
+    np.add.at(right, 2 * index, pull[:, 0])
+    np.add.at(right, 2 * index + 1, pull[:, 1])
+    for stencil, deviation in ((_JERK, jerk_m), (_ACCELERATION, acceleration_m)):
+        _add_differences(banded, stencil, count, 2, 1 / deviation**2)
+    # A floor for what nothing determines, such as the slope of a path of one sighting.
+    banded[0] += 1e-9
+    right += 1e-9 * np.tile(position.mean(axis=0), count)
+    solution: FloatArray = solveh_banded(banded, right, lower=True)
+    return solution.reshape(count, 2)
+
+
+def _add_differences(
+    banded: FloatArray, stencil: FloatArray, count: int, stride: int, weight: float | FloatArray
+) -> None:
+    """Add weight * sum (stencil . values)^2 to a lower banded matrix of interleaved values."""
+    steps = count - len(stencil) + 1
+    if steps <= 0:
+        return
+    weights = np.repeat(np.broadcast_to(weight, steps), stride)
+    for a in range(len(stencil)):
+        for b in range(a + 1):
+            first = stride * b
+            banded[stride * (a - b), first : first + stride * steps] += (
+                stencil[a] * stencil[b] * weights
+            )
+
+
+def smooth_heading(
+    path: FloatArray, position_m: float, turn_rad: float, curvature_1pm: float, still_rad: float
+) -> FloatArray:
+    """Return the (N,) yaw of the direction of an (N, 2) path, also where it stands still.
+
+    Each step's direction counts by its length over `position_m`; the second difference has the
+    deviation `turn_rad`, and the first one `curvature_1pm` times the step, plus `still_rad`: what
+    does not move does not turn.
+    """
+    from scipy.linalg import solveh_banded
+
+    count = len(path)
+    step = np.gradient(path, axis=0) if count > 1 else np.zeros((1, 2))
+    length = np.hypot(step[:, 0], step[:, 1])
+    chord = _chords(path)
+    reference = _held(np.arctan2(-chord[:, 1], chord[:, 0]), np.hypot(*chord.T) > 4 * position_m)
+    direction = np.arctan2(-step[:, 1], step[:, 0])
+    direction = reference + _wrapped(direction - reference)
+    weight = (length / position_m) ** 2
+    banded = np.zeros((3, count))
+    banded[0] = weight + 1e-9
+    _add_differences(banded, _ACCELERATION, count, 1, 1 / turn_rad**2)
+    between = (length[1:] + length[:-1]) / 2
+    _add_differences(
+        banded, np.array([-1.0, 1.0]), count, 1, 1 / (curvature_1pm * between + still_rad) ** 2
+    )
+    if count < 3:
+        banded = banded[:2] if count == 2 else banded[:1]
+    solution: FloatArray = solveh_banded(banded, weight * direction + 1e-9 * reference, lower=True)
+    return solution
+
+
+def _chords(path: FloatArray, reach: int = 5) -> FloatArray:
+    """Return the (N, 2) chords from `reach` steps before to `reach` steps after each step."""
+    steps = np.arange(len(path))
+    after = np.minimum(steps + reach, len(path) - 1)
+    before = np.maximum(steps - reach, 0)
+    return np.asarray(path[after] - path[before])
+
+
+def _held(angles: FloatArray, reliable: BoolArray) -> FloatArray:
+    """Return unwrapped angles, the unreliable ones replaced by their nearest reliable one."""
+    if not reliable.any():
+        return np.full(len(angles), angles[len(angles) // 2])
+    good = np.flatnonzero(reliable)
+    unwrapped = np.unwrap(angles[good])
+    nearest = np.abs(np.arange(len(angles))[:, None] - good[None]).argmin(axis=1)
+    return np.asarray(unwrapped[nearest])
+
+
+def _wrapped(angles: FloatArray) -> FloatArray:
+    return np.asarray((angles + np.pi) % (2 * np.pi) - np.pi)

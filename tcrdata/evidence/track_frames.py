@@ -1,0 +1,183 @@
+"""Reads, frame by frame, what tracks need of the points: clusters first, then whole boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tcrdata.errors import FrameError
+from tcrdata.evidence.box_visibility import hidden_edges
+from tcrdata.evidence.occlusion import occluded_columns
+from tcrdata.evidence.point_rows import EncodedPoints, decode_matching
+from tcrdata.evidence.proposal_columns import merged, vote_columns
+from tcrdata.evidence.range_images import (
+    LidarCells,
+    RangeGrid,
+    RangeImage,
+    range_image,
+    sensor_grid,
+)
+from tcrdata.geometry.boxes import points_in_box
+from tcrdata.types import (
+    BoolArray,
+    Dataset,
+    Float32Array,
+    FloatArray,
+    Frame,
+    ImageArray,
+    IntArray,
+    Sensor,
+)
+
+
+@dataclass(frozen=True)
+class ProbeSettings:
+    """How boxes are looked at in a frame; metres are multiplied by the metric scale.
+
+    Attributes:
+        margin_m: a return nearer by this hides what is behind it.
+        margin_share: and by this share of the range on top.
+        grow_m: a box without a cluster takes the points this far outside of its sides.
+        front_m: a return this much nearer hides a box's outline.
+    """
+
+    margin_m: float = 0.3
+    margin_share: float = 0.008
+    grow_m: float = 0.2
+    front_m: float = 0.5
+
+
+@dataclass(frozen=True)
+class FrameTask:
+    """One frame and the boxes to look at there.
+
+    Attributes:
+        frame: where to read.
+        boxes: (K, 7) level frame; for clusters in the first look (0, 7).
+        indices: K (first look: as many as clusters) arrays of point indices; empty for boxes
+            without a cluster.
+        evidence: encoded ground, votes_free and votes_static; what is missing counts as zero.
+    """
+
+    frame: Frame
+    boxes: FloatArray
+    indices: tuple[IntArray, ...]
+    evidence: tuple[EncodedPoints, ...] = ()
+
+
+@dataclass(frozen=True)
+class ChunkTask:
+    """Some frames of one sequence, for one worker."""
+
+    dataset: Dataset
+    sensor: Sensor
+    metric_scale: float
+    settings: ProbeSettings
+    most_points: int
+    frames: tuple[FrameTask, ...]
+
+
+@dataclass(frozen=True)
+class BoxLook:
+    """What one frame shows of one box.
+
+    Attributes:
+        xyz: (N, 3) level points: of the cluster, else those in the grown box that are no ground;
+            thinned to the chunk's `most_points`.
+        hidden: (4,) edges whose end is hidden.
+        points_inside: points in the box itself that are no ground.
+        measured: occluded_share of the box, and what the free-space votes say of the points inside:
+            columns of `proposals`.
+    """
+
+    xyz: Float32Array
+    hidden: BoolArray
+    points_inside: int
+    measured: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class FrameFailure:
+    """A frame that could not be read, and why."""
+
+    frame: int
+    error: str
+
+
+def gather_chunk(task: ChunkTask) -> list[list[Float32Array] | FrameFailure]:
+    """Return the thinned (N, 3) level points of each cluster, frame by frame."""
+    result: list[list[Float32Array] | FrameFailure] = []
+    for item in task.frames:
+        try:
+            xyz = task.dataset.read_points(item.frame).xyz
+        except FrameError as error:
+            result.append(FrameFailure(item.frame.frame, str(error)))
+            continue
+        result.append([xyz[thinned(chosen, task.most_points)] for chosen in item.indices])
+    return result
+
+
+def look_chunk(task: ChunkTask) -> list[list[BoxLook] | FrameFailure]:
+    """Return what each frame shows of each of its boxes."""
+    result: list[list[BoxLook] | FrameFailure] = []
+    for item in task.frames:
+        try:
+            xyz = task.dataset.read_points(item.frame).xyz
+        except FrameError as error:
+            result.append(FrameFailure(item.frame.frame, str(error)))
+            continue
+        grid = sensor_grid(item.frame, task.sensor, LidarCells())
+        view = _View(task, item.frame, xyz, range_image(xyz, grid), grid, _evidence(item, len(xyz)))
+        result.append(
+            [view.look(box, chosen) for box, chosen in zip(item.boxes, item.indices, strict=True)]
+        )
+    return result
+
+
+def thinned(indices: IntArray, most: int) -> IntArray:
+    """Return at most `most` of the indices, evenly spread."""
+    if len(indices) <= most:
+        return indices
+    return indices[np.arange(most) * len(indices) // most]
+
+
+def _evidence(item: FrameTask, count: int) -> dict[str, ImageArray]:
+    names = ("ground", "votes_free", "votes_static")
+    found = {e.cue: decode_matching(e, count).astype(np.uint8) for e in item.evidence}
+    return {name: found.get(name, np.zeros(count, dtype=np.uint8)) for name in names}
+
+
+@dataclass(frozen=True)
+class _View:
+    task: ChunkTask
+    frame: Frame
+    xyz: Float32Array
+    image: RangeImage
+    grid: RangeGrid
+    evidence: dict[str, ImageArray]
+
+    def look(self, box: FloatArray, cluster: IntArray) -> BoxLook:
+        settings, scale = self.task.settings, self.task.metric_scale
+        margin_m = settings.margin_m * scale
+        inside = np.flatnonzero(points_in_box(self.xyz, box))
+        inside = inside[self.evidence["ground"][inside] == 0]
+        chosen = cluster
+        if not len(chosen):
+            grown = np.flatnonzero(points_in_box(self.xyz, box, settings.grow_m * scale))
+            chosen = grown[self.evidence["ground"][grown] == 0]
+        xyz = self.xyz[thinned(chosen, self.task.most_points)]
+        hidden = np.zeros(4, dtype=bool)
+        if len(xyz):
+            hidden = hidden_edges(
+                xyz, box, self.image, self.grid, margin_m, settings.margin_share, scale
+            )
+        votes = vote_columns([inside], self.evidence["votes_free"], self.evidence["votes_static"])
+        occluded = occluded_columns(box[None], self.grid, self.image, settings.front_m * scale)
+        return BoxLook(
+            xyz=xyz,
+            hidden=hidden,
+            points_inside=len(inside),
+            measured={name: values[0] for name, values in merged(votes, occluded).items()},
+        )

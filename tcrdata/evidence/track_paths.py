@@ -1,0 +1,196 @@
+"""Tracks through their frames: refine, look into every frame's box, fill, extend, refine again."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcrdata.evidence.refinement import RefinedPath, RefinementSettings, Sightings, refine
+from tcrdata.evidence.track_frames import BoxLook
+from tcrdata.evidence.world import World
+from tcrdata.types import BoolArray, FloatArray, IntArray
+
+
+@dataclass(frozen=True)
+class Track:
+    """One linked object, before anything is refined.
+
+    Attributes:
+        number: in order of first sighting.
+        rows: (n,) its clusters.
+        frame: (n,) their frame numbers, rising.
+    """
+
+    number: int
+    rows: IntArray
+    frame: IntArray
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A refined track.
+
+    Attributes:
+        first: frame number of the path's first step.
+        path: centres, headings and size from above.
+        base_y: (N,) level of the ground below, world y, metres.
+        height: metres.
+    """
+
+    first: int
+    path: RefinedPath
+    base_y: FloatArray
+    height: float
+
+    def box(self, step: int) -> FloatArray:
+        """Return the (7,) box of one step in the world."""
+        return self._box(self.path.center[step], float(self.path.yaw_rad[step]), self.base_y[step])
+
+    def _box(self, center: FloatArray, yaw: float, base_y: float) -> FloatArray:
+        size = (self.path.length, self.path.width, self.height)
+        return np.array([center[0], base_y - self.height / 2, center[1], *size, yaw])
+
+    def box_beyond(self, steps: int) -> FloatArray:
+        """Return the (7,) box some steps after the last (> 0) or before the first (< 0).
+
+        Constant speed and turning rate of the last steps of the path.
+        """
+        path = self.path if steps > 0 else _reversed(self.path)
+        reach = min(3, len(path.center) - 1)
+        center, yaw = path.center[-1], float(path.yaw_rad[-1])
+        base_y = float(self.base_y[-1 if steps > 0 else 0])
+        if reach == 0:
+            return self._box(center, yaw, base_y)
+        velocity = (path.center[-1] - path.center[-1 - reach]) / reach
+        rate = (yaw - float(path.yaw_rad[-1 - reach])) / reach
+        for k in range(1, abs(steps) + 1):
+            # The chord that gave the velocity is (reach + 1) / 2 steps old.
+            turn = rate * (k + (reach - 1) / 2)
+            c, s = np.cos(turn), np.sin(turn)
+            center = center + np.array(
+                [c * velocity[0] + s * velocity[1], -s * velocity[0] + c * velocity[1]]
+            )
+            yaw += rate
+        return self._box(center, yaw, base_y)
+
+
+def _reversed(path: RefinedPath) -> RefinedPath:
+    return RefinedPath(
+        path.center[::-1], path.yaw_rad[::-1], path.length, path.width, path.residual_m
+    )
+
+
+@dataclass(frozen=True)
+class Sighting:
+    """What one frame gives of one track.
+
+    Attributes:
+        frame: frame number.
+        xyz: (N, 3) level points, N >= 1.
+        above_ground_m: lowest point above the ground.
+        hidden: (4,) edges not to be trusted.
+        observed: a cluster was linked, so that its extents may set the size.
+    """
+
+    frame: int
+    xyz: NDArray[np.float32]
+    above_ground_m: float
+    hidden: BoolArray
+    observed: bool
+
+
+def shape_of(sightings: list[Sighting], world: World, settings: RefinementSettings) -> Shape:
+    """Return the refined track of sightings in rising order of frames, at least one observed."""
+    first = sightings[0].frame
+    moved = [world.point_to_world(s.frame, s.xyz.astype(np.float64)) for s in sightings]
+    step = np.array([s.frame - first for s in sightings], dtype=np.int64)
+    sensor = np.array([world.sensor(s.frame)[[0, 2]] for s in sightings])
+    observed = np.array([s.observed for s in sightings])
+    path = refine(
+        Sightings(
+            step=step,
+            xz=np.ascontiguousarray(np.concatenate(moved)[:, [0, 2]]),
+            offsets=np.cumsum([0, *(len(m) for m in moved)]),
+            sensor=sensor,
+            distrusted=np.array([s.hidden for s in sightings]),
+            counts_for_size=observed,
+        ),
+        settings,
+        world.interval_s,
+    )
+    low = np.array([m[:, 1].max() for m in moved])
+    ground = low + np.array([s.above_ground_m for s in sightings])
+    top = np.array([m[:, 1].min() for m in moved])
+    height = float(np.quantile((ground - top)[observed], settings.length_quantile))
+    base = _median_filtered(ground[observed])
+    base_y = np.interp(np.arange(len(path.center)), step[observed], base)
+    return Shape(first, path, base_y, max(height, settings.pad_m))
+
+
+def _median_filtered(values: FloatArray, reach: int = 5) -> FloatArray:
+    return np.array(
+        [np.median(values[max(0, i - reach) : i + reach + 1]) for i in range(len(values))]
+    )
+
+
+@dataclass(frozen=True)
+class Place:
+    """A box of a track in one frame, to be looked at.
+
+    Attributes:
+        frame: frame number.
+        box: (7,) world.
+        row: the cluster linked there, or -1.
+        found: observed, gap or extended.
+    """
+
+    frame: int
+    box: FloatArray
+    row: int
+    found: str
+
+
+def places_of(track: Track, shape: Shape, world: World, extend_frames: int) -> list[Place]:
+    """Return the places of a track in rising order of frames: sightings, gaps, beyond its ends."""
+    segment = world.poses.segment[int(track.frame[0])]
+    rows = dict(zip(track.frame.tolist(), track.rows.tolist(), strict=True))
+    last = shape.first + len(shape.path.center) - 1
+    places = []
+    for frame in range(shape.first - extend_frames, last + extend_frames + 1):
+        if frame not in world.frames or world.poses.segment[frame] != segment:
+            continue
+        if frame < shape.first:
+            box = shape.box_beyond(frame - shape.first)
+        elif frame > last:
+            box = shape.box_beyond(frame - last)
+        else:
+            box = shape.box(frame - shape.first)
+        inside = shape.first <= frame <= last
+        found = "observed" if frame in rows else "gap" if inside else "extended"
+        places.append(Place(frame, box, rows.get(frame, -1), found))
+    return places
+
+
+def kept_places(
+    places: list[Place], looks: list[BoxLook | None], fill_points: int
+) -> tuple[list[Place], list[BoxLook]]:
+    """Return the places that stay: sightings, gaps, and what extends them without a break.
+
+    An extension ends at the first frame with fewer than `fill_points` points in the box.
+    """
+    seen = [
+        look is not None and (p.found != "extended" or len(look.xyz) >= fill_points)
+        for p, look in zip(places, looks, strict=True)
+    ]
+    inner = [i for i, p in enumerate(places) if p.found == "observed"]
+    low, high = inner[0], inner[-1]
+    while low > 0 and seen[low - 1]:
+        low -= 1
+    while high < len(places) - 1 and seen[high + 1]:
+        high += 1
+    kept = [(p, k) for p, k in zip(places, looks, strict=True) if k is not None]
+    bounds = places[low].frame, places[high].frame
+    kept = [(p, k) for p, k in kept if bounds[0] <= p.frame <= bounds[1]]
+    return [p for p, _ in kept], [k for _, k in kept]
