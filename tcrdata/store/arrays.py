@@ -134,7 +134,7 @@ def decode_bits(data: bytes, height: int, width: int) -> NDArray[np.uint8]:
         raise StoreError("the bytes are not an image of bit planes: the file is damaged")
     packed = np.frombuffer(_decompress(data[1:], used * ((count + 7) // 8)), dtype=np.uint8)
     image = np.zeros(count, dtype=np.uint8)
-    for bit, plane in enumerate(packed.reshape(used, -1)):
+    for bit, plane in enumerate(packed.reshape(used, (count + 7) // 8)):
         image |= np.unpackbits(plane, count=count) << np.uint8(bit)
     return image.reshape(height, width)
 

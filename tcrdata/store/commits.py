@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 from tcrdata.errors import StoreError
+
+T = TypeVar("T")
 
 COMMITS = "commits"
 ANY_DATASET = "_"
@@ -162,32 +164,29 @@ def dump_json(content: Any) -> bytes:
     return (json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
 
 
-def load_json(path: str, data: bytes) -> Any:
+def parse_json(path: str, data: bytes, what: str, parse: Callable[[Any], T]) -> T:
     """Parse a JSON file of the store.
 
+    Args:
+        path: for the message.
+        data: the file's content.
+        what: what it should be.
+        parse: makes that of the parsed JSON.
+
     Raises:
-        StoreError: it is torn or damaged; names it.
+        StoreError: it is torn, damaged or something else; names it.
     """
     try:
-        return json.loads(data)
+        content = json.loads(data)
     except ValueError as error:
         raise StoreError(
-            f"{path} is damaged ({error}): restore it, or delete it and build again"
+            f"{path} is damaged ({error}): restore it, or delete it and run again"
         ) from error
-
-
-def parse_record(path: str, data: bytes) -> CommitRecord:
-    """Parse a record's file.
-
-    Raises:
-        StoreError: it is torn or damaged; names it.
-    """
-    content = load_json(path, data)
     try:
-        return CommitRecord.from_json(content)
-    except (KeyError, TypeError, ValueError) as error:
+        return parse(content)
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise StoreError(
-            f"{path} is not a commit record ({error}): restore it, or delete it and build again"
+            f"{path} is not a {what} ({error}): restore it, or delete it and run again"
         ) from error
 
 

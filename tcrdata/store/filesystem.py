@@ -48,17 +48,27 @@ class HashingFile(io.RawIOBase):
         super().__init__()
         self._target = target
         self._hash = hashlib.sha256()
+        self._abandoned = False
         self.size = 0
 
     def writable(self) -> bool:
         """It only writes."""
         return True
 
+    def abandon(self) -> None:
+        """Close the target; whatever a writer still flushes is dropped."""
+        self._abandoned = True
+        # Closing flushes once more: on a full disk that fails again, and was said already.
+        with suppress(OSError):
+            self._target.close()
+
     def write(self, data: Any) -> int:
         """Write all of the data."""
+        length = memoryview(data).nbytes
+        if self._abandoned:
+            return length
         self._hash.update(data)
         self._target.write(data)
-        length = memoryview(data).nbytes
         self.size += length
         return length
 
@@ -110,11 +120,10 @@ class Filesystem:
             return bytes(self.fs.cat_file(self.full_path(path)))
 
     def open(self, path: str) -> Any:
-        """A file for random reading; StoreError when there is none."""
-        with storage_errors(self.full_path(path)):
-            if self.is_local:
-                return pyarrow.OSFile(self.full_path(path), "rb")
-            return self.fs.open(self.full_path(path), "rb")
+        """A file for random reading; OSError when there is none."""
+        if self.is_local:
+            return pyarrow.OSFile(self.full_path(path), "rb")
+        return self.fs.open(self.full_path(path), "rb")
 
     def size(self, path: str) -> int | None:
         """Bytes of a file; None when there is none."""

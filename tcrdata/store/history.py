@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Any
 
 from tcrdata.store.commits import (
     COMMITS,
@@ -10,8 +11,7 @@ from tcrdata.store.commits import (
     Unit,
     dump_json,
     generation_of,
-    load_json,
-    parse_record,
+    parse_json,
 )
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.snapshots import numbered
@@ -57,16 +57,21 @@ class History:
         if not numbers:
             return
         path = f"{CHECKPOINTS}/{numbers[-1]}.json"
-        content = load_json(path, self._files.read(path))
-        for folded in content["records"]:
-            record = CommitRecord.from_json(folded)
+        records = parse_json(path, self._files.read(path), "checkpoint", _records)
+        for record in records:
             self._known.setdefault(record.unit.record_path(record.generation), record)
-        self._folded = len(content["records"])
+        self._folded = len(records)
 
     def _read(self, path: str) -> CommitRecord:
         if path not in self._known:
-            self._known[path] = parse_record(path, self._files.read(path))
+            self._known[path] = parse_json(
+                path, self._files.read(path), "commit record", CommitRecord.from_json
+            )
         return self._known[path]
+
+
+def _records(content: dict[str, Any]) -> list[CommitRecord]:
+    return [CommitRecord.from_json(folded) for folded in content["records"]]
 
 
 def _order(record: CommitRecord) -> tuple[str, str, int, str]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from operator import itemgetter
 from typing import Any
 
 from tcrdata.errors import ConflictError, StoreError
-from tcrdata.store.commits import FileEntry, Unit, check_name, dump_json, load_json
+from tcrdata.store.commits import FileEntry, Unit, check_name, dump_json, parse_json
 from tcrdata.store.filesystem import Filesystem
 
 SNAPSHOTS = "snapshots"
@@ -74,11 +75,9 @@ def read_snapshot(files: Filesystem, name: str) -> Snapshot:
     if files.size(path) is None:
         known = ", ".join(snapshot_names(files)) or "there are none"
         raise StoreError(f"{files.url} has no snapshot '{name}': {known}")
-    content = load_json(path, files.read(path))
-    try:
-        return Snapshot.from_json(name, content)
-    except (KeyError, TypeError) as error:
-        raise StoreError(f"{path} is not a snapshot ({error}): restore it") from error
+    return parse_json(
+        path, files.read(path), "snapshot", lambda content: Snapshot.from_json(name, content)
+    )
 
 
 def snapshot_names(files: Filesystem) -> list[str]:
@@ -117,10 +116,11 @@ def newest_selection(files: Filesystem, name: str | None) -> str | None:
     prefixed: set[str] = set()
     for number in reversed(numbered(files, SELECTIONS)):
         path = f"{SELECTIONS}/{number}.json"
-        pointer = load_json(path, files.read(path))
-        found = str(pointer["selection_id"])
-        if name is None or name in (found, pointer["name"]):
-            return found
+        found, own_name = parse_json(
+            path, files.read(path), "pointer to a selection", itemgetter("selection_id", "name")
+        )
+        if name is None or name in (found, own_name):
+            return str(found)
         if len(name) >= _SHORTEST_PREFIX and found.startswith(name):
             prefixed.add(found)
     if len(prefixed) > 1:

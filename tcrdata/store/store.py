@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from tcrdata.errors import SchemaError, StoreError
 from tcrdata.store import snapshots
-from tcrdata.store.commits import ANY_DATASET, CommitRecord, FileEntry, Unit, dump_json, load_json
+from tcrdata.store.commits import ANY_DATASET, CommitRecord, FileEntry, Unit, dump_json, parse_json
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
 from tcrdata.store.parquet import ParquetHandles
@@ -46,8 +47,12 @@ def open_store(url: str, create: bool = False) -> Store:
         if not files.is_empty():
             raise StoreError(f"{url} is not a store and not empty: give a new or empty folder")
         files.create(_STORE_FILE, dump_json({"schema_version": SCHEMA_VERSION}))
-    content = load_json(files.full_path(_STORE_FILE), files.read(_STORE_FILE))
-    version = content.get("schema_version") if isinstance(content, dict) else None
+    version = parse_json(
+        files.full_path(_STORE_FILE),
+        files.read(_STORE_FILE),
+        "store's description",
+        itemgetter("schema_version"),
+    )
     if version != SCHEMA_VERSION:
         raise SchemaError(
             f"the store {url} has schema version {version}, this tcrdata reads {SCHEMA_VERSION}: "

@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tcrdata.errors import ConflictError, StoreError
-from tcrdata.store.commits import CommitRecord, FileEntry, Unit, dump_json, load_json
+from tcrdata.store.commits import CommitRecord, FileEntry, Unit, dump_json, parse_json
 from tcrdata.store.filesystem import Filesystem, HashingFile, Staging, storage_errors
 from tcrdata.store.parquet import ROWS_A_HEAVY_FILE, parquet_writer, write_rows
 from tcrdata.store.rows import to_rows
@@ -125,18 +125,18 @@ class Writer:
     def _record(self, record: CommitRecord) -> None:
         path = self.unit.record_path(record.generation)
         data = dump_json(record.to_json())
-        if self._files.create(path, data) or self._files.read(path) == data:
+        if self._files.create(path, data):
             return
+        there = parse_json(path, self._files.read(path), "commit record", CommitRecord.from_json)
+        if there == record:
+            return
+        theirs, ours = there.to_json(), record.to_json()
+        different = ", ".join(part for part in ours if ours[part] != theirs[part])
         raise ConflictError(
             f"{path}: another writer has committed other rows for {self.unit}, generation "
-            f"{record.generation}; {self._difference(path, data)}. Nothing was changed: "
+            f"{record.generation}: they differ in {different}. Nothing was changed: "
             "run again to build on what is there"
         )
-
-    def _difference(self, path: str, data: bytes) -> str:
-        """Which parts of two records differ, in words."""
-        there, here = load_json(path, self._files.read(path)), load_json(path, data)
-        return "they differ in " + ", ".join(key for key in here if here[key] != there.get(key))
 
 
 class _GrowingFile:
@@ -147,7 +147,8 @@ class _GrowingFile:
         self.file = file
         self.rows = 0
         self._hashing = HashingFile(file)
-        self._writer: pq.ParquetWriter = parquet_writer(self._hashing, table)
+        with storage_errors(f"table {table}"):
+            self._writer: pq.ParquetWriter = parquet_writer(self._hashing, table)
 
     def write(self, rows: pa.Table) -> None:
         with storage_errors(f"table {self.table}"):
@@ -162,4 +163,5 @@ class _GrowingFile:
         return self._hashing.sha256, self._hashing.size
 
     def abandon(self) -> None:
-        self.file.close()
+        self._hashing.abandon()
+        self._writer.close()
