@@ -2,10 +2,10 @@
 -- where they were hidden.
 -- rules: source, travels, core_share, height, near_observation, enough_points, range,
 --   cycle_error, alignment
--- required: travels, core_share
+-- required: source, travels, core_share
 -- cues: odometry, tracks
-set variable taken_sources = 'track';
-set variable taken_fits = 'track';
+set variable taken_source = 'track';
+set variable taken_fit = 'track';
 set variable egomotion_method = 'odometry';
 set variable score_travel_m = 3.0;  -- m: a track that goes this far has 0.63 of the highest score
 set variable score_decay_frames = 10;  -- frames: a filled box this far from a sighting keeps 0.37

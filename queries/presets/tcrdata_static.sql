@@ -5,8 +5,9 @@
 --   cycle_error, alignment
 -- required: source
 -- cues: odometry, tracks, static_clusters
-set variable taken_sources = 'track static';
-set variable taken_fits = 'track';
+set variable taken_source = 'track';
+set variable also_taken_source = 'static';
+set variable taken_fit = 'track';
 set variable egomotion_method = 'odometry';
 set variable score_track_travel_m = 3.0;  -- m: a track that goes this far has 0.63 of the highest score
 set variable score_filled_frames = 10;  -- frames: a filled box this far from a sighting keeps 0.37

@@ -2,10 +2,11 @@
 -- source: section 3.7 cuts regions one way, the released code another, ours a third
 -- needs: source and fit are among those taken
 -- cues:
-set variable taken_sources = 'track';  -- words apart: paper, release, free_space, track, static
-set variable taken_fits = 'track min_area l_shape';  -- words apart: min_area, l_shape, track
+set variable taken_source = 'track';  -- source: paper, release, free_space, track or static
+set variable also_taken_source = '';  -- source: a second one; empty for none
+set variable taken_fit = 'track';  -- fit: min_area, l_shape or track
 
 select p.proposal_id, null::double as value, null::double as bound,
-       list_contains(string_split(getvariable('taken_sources'), ' '), p.source)
-       and list_contains(string_split(getvariable('taken_fits'), ' '), p.fit) as passed
+       p.source in (getvariable('taken_source'), getvariable('also_taken_source'))
+       and p.fit = getvariable('taken_fit') as passed
 from proposals p

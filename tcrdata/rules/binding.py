@@ -38,10 +38,12 @@ class Reads:
     Attributes:
         tables: evidence tables, sorted.
         columns: columns of `proposals`, in the order of the schema.
+        passes_id: `proposal_id` is handed on as the first column and not used otherwise.
     """
 
     tables: tuple[str, ...]
     columns: tuple[str, ...]
+    passes_id: bool
 
 
 class Binder:
@@ -97,7 +99,7 @@ class Binder:
         tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
         known = [name for name, _, _ in schemas.columns("proposals")]
         read = {*KEY_COLUMNS, *(known if tree.star else tree.words)}
-        return Reads(tables, tuple(name for name in known if name in read))
+        return Reads(tables, tuple(name for name in known if name in read), tree.passes_id)
 
     def _describe(self, file: SqlFile, select: str) -> list[tuple[str, str]]:
         """Names and types of the columns the select gives."""
@@ -166,6 +168,7 @@ class _Tree:
 
     def __init__(self, tree: Any) -> None:
         self._nodes = list(_dictionaries(tree))
+        self._first = tree["statements"][0]["node"].get("select_list", [{}])[0]
 
     @cached_property
     def tables(self) -> list[str]:
@@ -186,6 +189,14 @@ class _Tree:
     def star(self) -> bool:
         """Whether `*` or a whole row stands somewhere, so that every column counts as read."""
         return "STAR" in self.classes or "proposals" in self.words
+
+    @property
+    def passes_id(self) -> bool:
+        """Whether `proposal_id` occurs as the first column of the result and nowhere else."""
+        names = [w for n in self._nodes for w in n.get("column_names", [])]
+        names += [w for n in self._nodes for w in n.get("using_columns", [])]
+        once = names.count("proposal_id") == 1 and not self.star
+        return once and self._first.get("column_names", [])[-1:] == ["proposal_id"]
 
     @cached_property
     def words(self) -> set[str]:

@@ -51,60 +51,78 @@ def judge(
         RuleError: a rule gives not one row a proposal, or the preset's select gives a proposal
             twice, a state or a score that there is not, or SQL fails on the rows.
     """
-    columns = _columns(preset)
-    connection.execute(
-        f"create or replace temp table survivors as select {', '.join(columns)}, "
-        f"0::bigint as carried from {relations['proposals']}"
-    )
-    judged = left = _count(connection, "survivors")
+    columns = ", ".join(_columns(preset))
+    everything = f"(select {columns}, 0::bigint as carried from {relations['proposals']})"
+    judged = left = _count(connection, everything)
     for number, rule in enumerate(preset.rules):
         if left:
-            left = _keep_survivors(connection, rule, number, left, relations)
+            before = "survivors" if number else everything
+            left = _keep_survivors(connection, rule, number, before, left, relations)
     if left:
         _choose(connection, preset, relations)
     labels = _labels(connection, preset, relations) if left else _no_labels()
-    for table in ("survivors", "verdicts", "chosen"):
+    for table in ("survivors", "chosen"):
         connection.execute(f"drop table if exists {table}")
     return Judgement(judged, labels)
 
 
 def _columns(preset: FilledPreset) -> list[str]:
-    """Columns of `proposals` that the rules or the preset's select read."""
+    """Columns of `proposals` that the rules or the preset's select read, and `source`."""
     read = {
         name for reads in (preset.reads, *(r.reads for r in preset.rules)) for name in reads.columns
     }
-    return [name for name, *_ in schemas.columns("proposals") if name in read]
+    return [name for name, *_ in schemas.columns("proposals") if name in {"source", *read}]
 
 
 def _keep_survivors(
     connection: duckdb.DuckDBPyConnection,
     rule: FilledRule,
     number: int,
-    before: int,
+    before: str,
+    rows_before: int,
     relations: Relations,
 ) -> int:
     """Replace the survivors by those that this rule lets pass; return how many."""
-    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": "survivors"})
+    what = f"rule {rule.name}"
+    judge_rows = _with_rows if rule.reads.passes_id else _joined
+    verdicts = judge_rows(rule, before, relations)
+    rows = _run(connection, f"select count(*) from ({verdicts})", what).fetchall()[0][0]
+    if rows != rows_before:
+        raise RuleError(
+            f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
+            "use a left join on keys that match one row"
+        )
+    passed = "passed" if rule.required else "passed is not false"
+    carried = f"kept.carried | case when passed then {1 << number} else 0 end"
     _run(
         connection,
-        f"create or replace temp table verdicts as select proposal_id, passed from ({verdicts}\n)",
-        f"rule {rule.name}",
+        f"create or replace temp table remaining as select kept.* exclude (carried), "
+        f"{carried} as carried from ({verdicts}) where {passed}",
+        what,
     )
-    rows = _count(connection, "verdicts")
-    if rows != before:
-        raise RuleError(
-            f"rule {rule.name} gives {rows} rows for {before} proposals; it must give one row "
-            "each: use a left join on keys that match one row"
-        )
-    passed = "v.passed" if rule.required else "v.passed is not false"
-    connection.execute(
-        "create or replace temp table remaining as select s.* replace "
-        f"(s.carried | case when v.passed then {1 << number} else 0 end as carried) "
-        f"from survivors s join verdicts v using (proposal_id) where {passed}"
-    )
-    connection.execute("drop table survivors")
+    connection.execute("drop table if exists survivors")
     connection.execute("alter table remaining rename to survivors")
     return _count(connection, "survivors")
+
+
+def _with_rows(rule: FilledRule, before: str, relations: Relations) -> str:
+    """SQL of (kept, passed): the whole row of a proposal and what the rule says of it.
+
+    The row travels through the rule in the place of its id, which the rule hands on untouched;
+    so there is nothing to join afterwards, and filters reach the files.
+    """
+    rows = f"(select * replace (s as proposal_id) from {before} s)"
+    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": rows})
+    return f"select proposal_id as kept, passed from ({verdicts}\n)"
+
+
+def _joined(rule: FilledRule, before: str, relations: Relations) -> str:
+    """As `_with_rows`, for a rule that does more with the id than to hand it on."""
+    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": before})
+    return (
+        f"select s as kept, v.passed from ({verdicts}\n) v "
+        f"join {before} s on s.proposal_id = v.proposal_id"
+    )
 
 
 def _choose(
@@ -144,9 +162,11 @@ def _labels(
     columns = ", ".join(
         f"{made.get(name, f'p.{name}')} as {name}" for name in _no_labels().column_names
     )
+    sources = "select list(distinct source order by source) from survivors"
+    quoted = [f"'{source}'" for source in connection.execute(sources).fetchall()[0][0]]
     return connection.sql(
         f"select {columns} from {relations['proposals']} p join chosen c using (proposal_id) "
-        "join survivors s using (proposal_id) "
+        f"join survivors s using (proposal_id) where p.source in ({', '.join(quoted)}) "
         "order by p.dataset, p.sequence, p.frame, p.proposal_id"
     ).to_arrow_table()
 
@@ -157,14 +177,14 @@ def _no_labels() -> pa.Table:
     return pa.schema([field for field in schema if field.name != "selection_id"]).empty_table()
 
 
-def _run(connection: duckdb.DuckDBPyConnection, sql: str, what: str) -> None:
+def _run(connection: duckdb.DuckDBPyConnection, sql: str, what: str) -> duckdb.DuckDBPyConnection:
     """Run SQL of a rule; an error in it (a cast, say) names the rule."""
     try:
-        connection.execute(sql)
+        return connection.execute(sql)
     except duckdb.Error as error:
         raise RuleError(f"{what} fails on the rows: {' '.join(str(error).split())}") from error
 
 
-def _count(connection: duckdb.DuckDBPyConnection, table: str) -> int:
+def _count(connection: duckdb.DuckDBPyConnection, relation: str) -> int:
     """Number of rows."""
-    return int(connection.execute(f"select count(*) from {table}").fetchall()[0][0])
+    return int(connection.execute(f"select count(*) from {relation}").fetchall()[0][0])

@@ -21,7 +21,7 @@ from tcrdata.store.views import create_views
 
 STAGE = "selection"
 ANY_DATASET = "_"
-BATCH_ROWS = 500_000
+BATCH_ROWS = 2_000_000
 """Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
 
 _BATCH = "batch"  # schema that holds the views of the batch at hand
