@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import os
 import sys
 import time
@@ -15,6 +16,7 @@ from tcrdata.frame_ranges import parse_frame_ranges
 from tcrdata.settings import parse_assignments, read_toml
 
 MOST_WORKERS_BY_DEFAULT = 8
+ROWS_A_WRITE = 10_000
 
 
 def run_build(
@@ -94,38 +96,61 @@ def run_sql(store_url: str, query: str, *, as_json: bool, as_csv: bool) -> int:
 
     if as_json and as_csv:
         raise SettingsError("--json and --csv: choose one")
+    handle = tcrdata.open(store_url)
+    if not as_json and not as_csv:
+        relation = handle.sql(query)
+        sys.stdout.write(f"{relation}\n" if relation is not None else "")
+        return 0
     try:
-        relation = tcrdata.open(store_url).sql(query)
-        if relation is None:
-            return 0
+        cursor = handle.connection.execute(query)
+        names = [column[0] for column in cursor.description or ()]
         if as_json:
-            table = relation.to_arrow_table()
-            console.print_json(table.to_pylist())
-        elif as_csv:
-            writer = csv.writer(sys.stdout, lineterminator="\n")
-            writer.writerow(relation.columns)
-            while rows := relation.fetchmany(10_000):
-                writer.writerows(rows)
-        else:
-            sys.stdout.write(f"{relation}\n")
+            rows = cursor.fetchall()
+            console.print_json([dict(zip(names, row, strict=True)) for row in rows])
+            return 0
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(names)
+        while rows := cursor.fetchmany(ROWS_A_WRITE):
+            writer.writerows(rows)
     except duckdb.Error as error:
-        raise QueryError(f"the query does not run: {error}") from error
+        raise QueryError(" ".join(str(error).split())) from error
     return 0
 
 
 def run_evaluate(store_url: str, selection: str | None, *, moving_only: bool, as_json: bool) -> int:
     """Score a selection; print the protocol first, then the scores."""
-    from tcrdata.evaluation import evaluate
+    from tcrdata.evaluation.protocol import Settings
+    from tcrdata.evaluation.scoring import evaluate, store_metrics
+    from tcrdata.plan import ROUND
     from tcrdata.store import open_store
 
     store = open_store(store_url)
-    result = evaluate(store, _selected(store, selection), moving_only=moving_only)
+    settings = Settings(moving_only=moving_only)
+    result = evaluate(store, _selected(store, selection), settings)
+    store_metrics(store, result, settings, ROUND)
     if as_json:
-        console.print_json(result.as_dict())
+        console.print_json(result.to_json())
         return 0
     sys.stdout.write(result.protocol + "\n\n")
-    console.print_table("", *result.table())
+    for name in result.without_truth:
+        console.say(f"left out: {name} has no ground truth")
+    rows = _score_rows(result, "moving" if moving_only else "all")
+    console.print_table("", ("score", "view", *map(str, settings.ious)), rows)
     return 0
+
+
+def _score_rows(result: Any, subset: str) -> list[tuple[Any, ...]]:
+    """One row a metric and view, over all sequences."""
+    from tcrdata.evaluation.protocol import VIEWS
+    from tcrdata.evaluation.scoring import METRICS
+
+    rows: list[tuple[Any, ...]] = []
+    for metric in METRICS:
+        for view in VIEWS:
+            found = result.find(subset, view, metric)
+            values = (found[iou].value for iou in sorted(found))
+            rows.append((f"{metric.replace('_', ' ')}, {subset}", view, *values))
+    return rows
 
 
 def run_export(
@@ -143,12 +168,11 @@ def run_export(
 
     store = open_store(store_url)
     exporter = registry.find("exporters", format_name)
-    exported = exporter.export(store, _selected(store, selection), Path(out), overwrite=overwrite)
+    card = exporter.export(store, _selected(store, selection), out, overwrite=overwrite)
     if as_json:
-        console.print_json(exported.as_dict())
-        return 0
-    sys.stdout.write(exported.card + "\n")
-    console.say(f"{exported.labels:,} labels in {len(exported.files):,} files under {out}")
+        console.print_json(dataclasses.asdict(card))
+    else:
+        sys.stdout.write(card.text() + "\n")
     return 0
 
 
@@ -195,15 +219,26 @@ def run_draw(
 
 
 def run_views(store_url: str) -> int:
-    """Print view definitions for a DuckDB shell."""
-    from tcrdata.rules import checks_view_sql
-    from tcrdata.store import open_store
+    """Print the definitions of a store's views, in an order in which a DuckDB shell can read them.
 
-    store = open_store(store_url)
-    sys.stdout.write(store.view_statements())
-    rows = store.read("selections").to_pylist()
-    if rows:
-        sys.stdout.write(f"create or replace view checks as\n{checks_view_sql(rows)};\n")
+    Raises:
+        StoreError: the store is not a local folder, which a shell could not read by itself.
+    """
+    import tcrdata
+
+    handle = tcrdata.open(store_url)
+    definitions = handle.connection.execute(
+        """
+        select 'create schema if not exists ' || schema_name || ';'
+        from duckdb_schemas() where not internal and schema_name <> 'main'
+        union all
+        (select sql from duckdb_tables() where not internal order by table_oid)
+        union all
+        (select sql from duckdb_views() where not internal order by view_oid)
+        """
+    ).fetchall()
+    for (sql,) in definitions:
+        sys.stdout.write(f"{sql}\n")
     return 0
 
 

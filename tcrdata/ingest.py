@@ -74,11 +74,10 @@ def ingest_truth(store: Store, plan: Plan, dataset: Dataset, sequence: str) -> b
 
 def stored_frames(store: Store, plan: Plan, sequence: str) -> Iterator[Frame]:
     """Yield the usable frames of `frames`, in order, as the dataset first gave them."""
-    key = {"dataset": plan.dataset_name, "sequence": sequence, "round": ROUND}
-    table = store.read("frames", **key)
-    paths = dict(_path_pairs(store.read("images", **key), "image"))
-    points = dict(_path_pairs(store.read("sweeps", **key), "path"))
-    for row in table.to_pylist():
+    tables = store.tables(plan.dataset_name, sequence, ROUND)
+    paths = dict(_path_pairs(tables.read("images"), "image"))
+    points = dict(_path_pairs(tables.read("sweeps"), "path"))
+    for row in tables.read("frames").to_pylist():
         if row["status"] == "ok":
             yield _frame_of_row(row, paths.get(row["frame"]), points.get(row["frame"]))
 

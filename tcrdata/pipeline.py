@@ -16,7 +16,7 @@ from tcrdata.errors import DatasetError, EvidenceError, SettingsError, TcrdataEr
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.frame_ranges import FrameRanges
 from tcrdata.ingest import frame_inputs, ingest_frames, ingest_truth, stored_frames
-from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan
+from tcrdata.plan import FAILED, FRAMES, ROUND, TRUTH, Plan
 from tcrdata.rules import Selection, load_preset, preset_names, select
 from tcrdata.settings import unknown
 from tcrdata.store import Store, Unit, open_store
@@ -223,7 +223,7 @@ def _made(
     if info is None:
         raise EvidenceError(f"{unit.dataset}/{unit.sequence}: its frames were not read")
     inputs = _inputs(store, plan, unit, info)
-    if store.is_done(unit, plan.settings_hash(unit.stage), inputs) and not _has_failed(store, unit):
+    if store.is_done(unit, plan.settings_hash(unit.stage), inputs):
         return False
     if unit.stage == FRAMES:
         ingest_frames(store, plan, dataset, info, parallel)
@@ -275,20 +275,14 @@ def _inputs(store: Store, plan: Plan, unit: Unit, info: SequenceInfo) -> dict[st
 
 def _record_failure(store: Store, plan: Plan, unit: Unit, error: str) -> None:
     """Leave a record without rows: `status` names the failure and the next build retries."""
-    inputs = {"failed": error}
-    with store.writer(unit, settings_hash=plan.settings_hash(unit.stage), inputs=inputs) as writer:
-        writer.error(None, error)
-
-
-def _has_failed(store: Store, unit: Unit) -> bool:
-    record = store.record(unit)
-    return record is not None and any(frame is None for frame, _ in record.errors)
+    inputs = {FAILED: error}
+    with store.writer(unit, settings_hash=plan.settings_hash(unit.stage), inputs=inputs):
+        pass
 
 
 def _frame_errors(store: Store, unit: Unit) -> tuple[tuple[int, str], ...]:
     record = store.record(unit)
-    errors = record.errors if record is not None else ()
-    return tuple((frame, message) for frame, message in errors if frame is not None)
+    return record.failed_frames if record is not None else ()
 
 
 def _require_known(parameters: dict[str, str], presets: tuple[str, ...]) -> None:

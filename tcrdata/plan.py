@@ -15,6 +15,8 @@ from tcrdata.store import Store, Unit
 FRAMES = "frames"
 TRUTH = "ground_truth"
 ROUND = 1
+FAILED = "failed"
+"""What a record has as its only input when its unit could not be made: the error."""
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from tcrdata.plan import ROUND
+from tcrdata.plan import FAILED, ROUND
 from tcrdata.store import Store, Unit
 
 
@@ -56,8 +56,10 @@ def store_status(store: Store) -> StoreStatus:
     totals: dict[str, list[int]] = {}
     for record in records:
         where = f"{record.unit.dataset}/{record.unit.sequence} {record.unit.stage}"
-        failed += any(frame is None for frame, _ in record.errors)
-        problems.extend((where, frame, message) for frame, message in record.errors)
+        if error := record.inputs.get(FAILED):
+            failed += 1
+            problems.append((where, None, error))
+        problems.extend((where, frame, message) for frame, message in record.failed_frames)
         for file in record.files:
             total = totals.setdefault(file.table, [0, 0, 0])
             total[0] += file.rows
