@@ -33,7 +33,7 @@ from tcrdata.types import Camera, Frame, ImageArray, PointCloud, SequenceInfo
 _DEFAULT_SIZE_PX = (1242, 375)
 
 
-def open_dataset(root: str) -> KittiDataset:
+def open_dataset(root: str | None) -> KittiDataset:
     """Open a folder that holds KITTI raw drives or tracking sequences.
 
     Args:
@@ -41,8 +41,10 @@ def open_dataset(root: str) -> KittiDataset:
             `training` itself will do too.
 
     Raises:
-        DatasetError: neither layout is there.
+        DatasetError: no root is given, or neither layout is there.
     """
+    if not root:
+        raise DatasetError("KITTI needs a root: the folder that holds <date>/ or training/")
     folder = Path(root).expanduser().absolute()
     find_sequences(folder)
     return KittiDataset(str(folder))

@@ -66,6 +66,7 @@ def truth_row(label: LabelledObject, speed_mps: float | None) -> dict[str, Any]:
         **dict(zip(("x_m", "y_m", "z_m", "length_m", "width_m", "height_m"), box[:6], strict=True)),
         "yaw_rad": yaw,
         "level_R_object": None if yaw is None else _rotation(yaw).ravel().tolist(),
+        "object_size_m": None if label.box is None else [box[3], box[5], box[4]],
         **dict(zip(("left_px", "top_px", "right_px", "bottom_px"), image_box, strict=True)),
         "truncated": label.truncated,
         "occluded": label.occluded,
