@@ -7,21 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tcrdata.datasets.textures import albedo
-from tcrdata.geometry.intersections import (
-    BOX,
-    CONE,
-    CYLINDER,
-    PLANE,
-    SPHERE,
-    hit_shape,
-    kernel,
-    may_hit,
+from tcrdata.datasets.lighting import (
+    gather_shadowers,
+    sky_colour,
+    surface_colour,
+    surface_normal,
 )
+from tcrdata.datasets.textures import albedo
+from tcrdata.geometry.intersections import gather_candidates, hit_shape, kernel, may_hit
 from tcrdata.geometry.raycasting import Primitives
 from tcrdata.types import FloatArray, ImageArray, IntArray
 
 GAMMA = 2.2
+# Pixels of a row that share one search for the shapes that they see and that shade them.
+STRIP = 16
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ class Light:
     closeness: bool = True
 
     def rows(self) -> FloatArray:
-        """Return the numbers as a (6, 3) array for the kernels."""
+        """Return the numbers as a (7, 3) array for the kernels."""
         first = np.asarray(self.direction, dtype=np.float64)
         first /= np.linalg.norm(first)
         side = np.cross(first, [0.31, 0.87, 0.38])
@@ -64,6 +63,7 @@ class Light:
                 (self.strength, self.ambient, self.haze_m),
                 self.horizon,
                 self.zenith,
+                (self.shadow_rays, self.closeness, self.spread),
             ]
         )
 
@@ -95,7 +95,6 @@ def render(
         primitives.half_sizes,
         materials,
         light.rows(),
-        light.shadow_rays,
         np.asarray(origin, dtype=np.float64),
         np.ascontiguousarray(world_R_pixel),
         size_px[0],
@@ -127,105 +126,65 @@ def inspect_hits(
 
 
 @kernel
-def _normal(
-    kind: int, A: FloatArray, half_size: FloatArray, x: float, y: float, z: float
-) -> tuple[float, float, float]:
-    # x, y, z: the hit in unit coordinates; a gradient there is turned back by A transposed.
-    gx, gy, gz = 0.0, 0.0, 1.0
-    if kind == SPHERE:
-        gx, gy, gz = x, y, z
-    elif kind == BOX:
-        ax, ay, az = abs(x), abs(y), abs(z)
-        if ax >= ay and ax >= az:
-            gx, gz = math.copysign(1.0, x), 0.0
-        elif ay >= az:
-            gy, gz = math.copysign(1.0, y), 0.0
-        else:
-            gz = math.copysign(1.0, z)
-    elif kind == CYLINDER:
-        if x * x + y * y > z * z:
-            gx, gy, gz = x, y, 0.0
-        else:
-            gz = math.copysign(1.0, z)
-    elif kind == CONE:
-        if z > -1.0 + 1e-6:
-            gx, gy, gz = x, y, 0.25 * (1.0 - z)
-        else:
-            gz = -1.0
-    elif half_size[2] > 0.0:
-        k = 2.0 * math.pi / half_size[0]
-        gx = -0.5 * half_size[2] * k * math.cos(k * x)
-        gy = -0.5 * half_size[2] * 1.3 * k * math.cos(1.3 * k * y + 1.0)
-    nx = A[0, 0] * gx + A[1, 0] * gy + A[2, 0] * gz
-    ny = A[0, 1] * gx + A[1, 1] * gy + A[2, 1] * gz
-    nz = A[0, 2] * gx + A[1, 2] * gy + A[2, 2] * gz
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
-    return nx / length, ny / length, nz / length
-
-
-@kernel
-def _lit_share(
+def _render(
     kinds: IntArray,
     unit_T_world: FloatArray,
     spheres: FloatArray,
     half_sizes: FloatArray,
+    materials: FloatArray,
     light: FloatArray,
-    rays: int,
-    phase: float,
-    x: float,
-    y: float,
-    z: float,
-) -> float:
-    """Share of the light's disc that is seen from a point."""
-    if rays == 0:
-        return 1.0
-    lit = 0
-    for ray in range(rays):
-        # A sunflower spiral spreads the rays evenly; the phase differs by sample of the pixel.
-        radius = math.sqrt((ray + 0.5) / rays)
-        angle = 2.399963 * ray + phase
-        u, v = radius * math.cos(angle), radius * math.sin(angle)
-        dx = light[0, 0] + u * light[1, 0] + v * light[2, 0]
-        dy = light[0, 1] + u * light[1, 1] + v * light[2, 1]
-        dz = light[0, 2] + u * light[1, 2] + v * light[2, 2]
-        clear = True
-        for p in range(len(kinds)):
-            if kinds[p] == PLANE or not may_hit(spheres, p, x, y, z, dx, dy, dz, np.inf):
-                continue
-            if hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz) < np.inf:
-                clear = False
-                break
-        lit += clear
-    return lit / rays
+    origin: FloatArray,
+    R: FloatArray,
+    width: int,
+    height: int,
+    n: int,
+) -> FloatArray:
+    image = np.zeros((height, width, 3))
+    seen, shading = np.empty(len(kinds), dtype=np.int64), np.empty(len(kinds), dtype=np.int64)
+    rays, points = np.empty((STRIP * n * n, 3)), np.empty((STRIP * n * n, 3))
+    times, hits = np.empty(STRIP * n * n), np.empty(STRIP * n * n, dtype=np.int64)
+    footprint = math.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2 + R[2, 0] ** 2)
+    for row in range(height):
+        for first in range(0, width, STRIP):
+            count = min(STRIP, width - first) * n * n
+            _aim(R, first, row, n, rays[:count])
+            found = gather_candidates(spheres, origin, rays[:count], np.inf, seen)
+            solid = 0
+            for i in range(count):
+                times[i], hits[i] = _first_hit(
+                    kinds, unit_T_world, spheres, half_sizes, seen[:found], origin, rays[i]
+                )
+                if hits[i] >= 0:
+                    points[solid] = origin + times[i] * rays[i]
+                    solid += 1
+            casters = 0
+            if solid > 0:
+                casters = gather_shadowers(spheres, light, points, solid, shading)
+            solid = 0
+            for i in range(count):
+                length = math.sqrt(rays[i, 0] ** 2 + rays[i, 1] ** 2 + rays[i, 2] ** 2)
+                colour = sky_colour(light, rays[i, 2], length)
+                if hits[i] >= 0:
+                    colour = surface_colour(
+                        kinds, unit_T_world, spheres, half_sizes, materials, shading[:casters],
+                        light, 1.57 * (i % (n * n)), hits[i], points[solid], rays[i] / length,
+                        times[i] * length, times[i] * footprint,
+                    )  # fmt: skip
+                    solid += 1
+                for channel in range(3):
+                    image[row, first + i // (n * n), channel] += colour[channel] / (n * n)
+    return image
 
 
 @kernel
-def _open_share(
-    spheres: FloatArray, own: int, x: float, y: float, z: float, nx: float, ny: float, nz: float
-) -> float:
-    """Share of the surroundings' light that the other shapes leave, each taken for a ball."""
-    closed = 0.0
-    for p in range(len(spheres)):
-        radius = 0.75 * spheres[p, 3]
-        if p == own or radius == np.inf:
-            continue
-        cx, cy, cz = spheres[p, 0] - x, spheres[p, 1] - y, spheres[p, 2] - z
-        distance2 = cx * cx + cy * cy + cz * cz
-        if distance2 > 25.0 * radius * radius:
-            continue
-        facing = (nx * cx + ny * cy + nz * cz) / math.sqrt(distance2)
-        closed += max(0.0, facing) * min(1.0, radius * radius / distance2)
-    return 1.0 / (1.0 + 1.2 * closed)
-
-
-@kernel
-def _sky(light: FloatArray, dz: float, length: float) -> tuple[float, float, float]:
-    up = math.sqrt(min(1.0, max(0.0, dz / length)))
-    return (
-        light[4, 0] + up * (light[5, 0] - light[4, 0]),
-        light[4, 1] + up * (light[5, 1] - light[4, 1]),
-        light[4, 2] + up * (light[5, 2] - light[4, 2]),
-    )
+def _aim(R: FloatArray, first: int, row: int, n: int, rays: FloatArray) -> None:
+    """Fill in the rays of a strip of pixels, n * n samples each, pixel by pixel."""
+    for i in range(len(rays)):
+        sample = i % (n * n)
+        u = first + i // (n * n) + (sample % n + 0.5) / n - 0.5
+        v = row + (sample // n + 0.5) / n - 0.5
+        for axis in range(3):
+            rays[i, axis] = R[axis, 0] * u + R[axis, 1] * v + R[axis, 2]
 
 
 @kernel
@@ -234,102 +193,18 @@ def _first_hit(
     unit_T_world: FloatArray,
     spheres: FloatArray,
     half_sizes: FloatArray,
+    candidates: IntArray,
     origin: FloatArray,
-    dx: float,
-    dy: float,
-    dz: float,
+    ray: FloatArray,
 ) -> tuple[float, int]:
     best, hit = np.inf, -1
-    for p in range(len(kinds)):
-        if may_hit(spheres, p, origin[0], origin[1], origin[2], dx, dy, dz, best):
-            t = hit_shape(
-                kinds, unit_T_world, half_sizes, p, origin[0], origin[1], origin[2], dx, dy, dz
-            )
+    x, y, z, dx, dy, dz = origin[0], origin[1], origin[2], ray[0], ray[1], ray[2]
+    for p in candidates:
+        if may_hit(spheres, p, x, y, z, dx, dy, dz, best):
+            t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz, best)
             if t < best:
                 best, hit = t, p
     return best, hit
-
-
-@kernel
-def _colour(
-    kinds: IntArray,
-    unit_T_world: FloatArray,
-    spheres: FloatArray,
-    half_sizes: FloatArray,
-    materials: FloatArray,
-    light: FloatArray,
-    rays: int,
-    phase: float,
-    origin: FloatArray,
-    dx: float,
-    dy: float,
-    dz: float,
-    px: float,
-) -> tuple[float, float, float]:
-    """Linear RGB of what one ray sees; px is the ray's footprint at t = 1 in metres."""
-    length = math.sqrt(dx * dx + dy * dy + dz * dz)
-    sky = _sky(light, dz, length)
-    t, p = _first_hit(kinds, unit_T_world, spheres, half_sizes, origin, dx, dy, dz)
-    if p < 0:
-        return sky
-    x, y, z = origin[0] + t * dx, origin[1] + t * dy, origin[2] + t * dz
-    A = unit_T_world[p]
-    ux = A[0, 0] * x + A[0, 1] * y + A[0, 2] * z + A[0, 3]
-    uy = A[1, 0] * x + A[1, 1] * y + A[1, 2] * z + A[1, 3]
-    uz = A[2, 0] * x + A[2, 1] * y + A[2, 2] * z + A[2, 3]
-    nx, ny, nz = _normal(kinds[p], A, half_sizes[p], ux, uy, uz)
-    r, g, b = albedo(materials[p], kinds[p], half_sizes[p], ux, uy, uz, px * t)
-    x, y, z = x + 1e-4 * nx, y + 1e-4 * ny, z + 1e-4 * nz
-    direct = max(0.0, nx * light[0, 0] + ny * light[0, 1] + nz * light[0, 2])
-    if direct > 0.0:
-        direct *= _lit_share(kinds, unit_T_world, spheres, half_sizes, light, rays, phase, x, y, z)
-    around = light[3, 1] * (0.65 + 0.35 * nz) * _open_share(spheres, p, x, y, z, nx, ny, nz)
-    glint = 0.0
-    if direct > 0.0 and materials[p, 5] > 0.0:
-        hx, hy, hz = light[0, 0] - dx / length, light[0, 1] - dy / length, light[0, 2] - dz / length
-        facing = (nx * hx + ny * hy + nz * hz) / math.sqrt(hx * hx + hy * hy + hz * hz)
-        glint = materials[p, 5] * max(0.0, facing) ** 40 * direct
-    level = light[3, 0] * direct + around
-    near = math.exp(-((t * length / light[3, 2]) ** 2))
-    return (
-        near * (r * level + glint) + (1.0 - near) * sky[0],
-        near * (g * level + glint) + (1.0 - near) * sky[1],
-        near * (b * level + glint) + (1.0 - near) * sky[2],
-    )
-
-
-@kernel
-def _render(
-    kinds: IntArray,
-    unit_T_world: FloatArray,
-    spheres: FloatArray,
-    half_sizes: FloatArray,
-    materials: FloatArray,
-    light: FloatArray,
-    rays: int,
-    origin: FloatArray,
-    R: FloatArray,
-    width: int,
-    height: int,
-    n: int,
-) -> FloatArray:
-    image = np.zeros((height, width, 3))
-    px = math.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2 + R[2, 0] ** 2)
-    for row in range(height):
-        for column in range(width):
-            for sample in range(n * n):
-                u = column + (sample % n + 0.5) / n - 0.5
-                v = row + (sample // n + 0.5) / n - 0.5
-                dx = R[0, 0] * u + R[0, 1] * v + R[0, 2]
-                dy = R[1, 0] * u + R[1, 1] * v + R[1, 2]
-                dz = R[2, 0] * u + R[2, 1] * v + R[2, 2]
-                colour = _colour(
-                    kinds, unit_T_world, spheres, half_sizes, materials, light, rays,
-                    1.57 * sample, origin, dx, dy, dz, px,
-                )  # fmt: skip
-                for channel in range(3):
-                    image[row, column, channel] += colour[channel] / (n * n)
-    return image
 
 
 @kernel
@@ -358,7 +233,7 @@ def _inspect(
         ux = A[0, 0] * x + A[0, 1] * y + A[0, 2] * z + A[0, 3]
         uy = A[1, 0] * x + A[1, 1] * y + A[1, 2] * z + A[1, 3]
         uz = A[2, 0] * x + A[2, 1] * y + A[2, 2] * z + A[2, 3]
-        nx, ny, nz = _normal(kinds[p], A, half_sizes[p], ux, uy, uz)
+        nx, ny, nz = surface_normal(kinds[p], A, half_sizes[p], ux, uy, uz)
         r, g, b = albedo(materials[p], kinds[p], half_sizes[p], ux, uy, uz, 0.02)
         brightness[i] = (r + g + b) / 3.0
         length = math.sqrt(dx * dx + dy * dy + dz * dz)

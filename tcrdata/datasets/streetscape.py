@@ -97,9 +97,11 @@ def build_street(plan: Plan) -> Street:
     end_m = plan.speed_mps * plan.duration_s + SIGHT_M
     asphalt = Material((0.13, 0.13, 0.135), 0.25, 2.0, 0.0, "road", (bend, 3.85))
     ground = Part("plane", RELIEF, asphalt)
-    background = [ground, *_pavements(road, end_m, junction_m)]
+    background = list(_pavements(road, end_m, junction_m))
     background += _houses(random, road, end_m, junction_m)
     background += _greenery(random, road, end_m, junction_m)
+    # Last, because most rays have met something nearer by then.
+    background.append(ground)
     return Street(Scene(tuple(movers + parked), tuple(background), seed=plan.seed), road)
 
 
@@ -184,6 +186,26 @@ def _houses(
             pose[2, 3] += 0.5 * height
             half = (0.5 * length, 0.5 * depth, 0.5 * height)
             yield Part("box", half, wall, as_tuples(pose))
+            front = road.pose(middle, side * (HOUSE_M + back))
+            yield from _facade(random, front, length, height)
+
+
+def _facade(
+    random: np.random.Generator, front: FloatArray, length: float, height: float
+) -> Iterator[Part]:
+    """Bays, porches and downpipes: without them a wall looks the same all along the road."""
+    along = -0.5 * length + float(random.uniform(0.5, 2.0))
+    while along < 0.5 * length - 0.8:
+        half = (
+            float(random.uniform(0.15, 0.9)),
+            float(random.uniform(0.15, 0.7)),
+            float(random.uniform(0.4, 0.5 * height)),
+        )
+        pose = front.copy()
+        pose[:3, 3] += front[:3, 0] * along + front[:3, 2] * half[2]
+        trim = Material(WALLS[int(random.integers(len(WALLS)))], 0.3, 1.5)
+        yield Part("box", half, trim, as_tuples(pose))
+        along += 2.0 * half[0] + float(random.uniform(0.8, 3.0))
 
 
 def _greenery(
@@ -193,7 +215,7 @@ def _greenery(
     for side in (-1.0, 1.0):
         along = -SIGHT_M + float(random.uniform(0.0, 10.0))
         while along < end_m:
-            left, kind = side * (KERB_M + 0.55), int(random.integers(4))
+            left, kind = side * (KERB_M + float(random.uniform(0.45, 0.8))), int(random.integers(4))
             if abs(along - junction_m) > JUNCTION_HALF_M:
                 pose = road.pose(along, left)
                 if kind < 2:
@@ -202,7 +224,7 @@ def _greenery(
                     yield _standing_part("cylinder", (0.09, 0.09, 3.2), METAL, pose)
                 else:
                     yield _standing_part("box", (0.3, 0.35, 0.55), METAL, pose)
-            along += float(random.uniform(7.0, 13.0))
+            along += float(random.uniform(4.0, 9.0))
 
 
 def _tree(random: np.random.Generator, ground: FloatArray) -> Iterator[Part]:

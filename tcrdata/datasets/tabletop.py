@@ -40,11 +40,11 @@ COLOURS: dict[str, tuple[float, float, float]] = {
 LAMP = Light(
     direction=(0.30, -0.62, 1.05),
     spread=0.09,
-    strength=0.92,
-    ambient=0.42,
+    strength=0.95,
+    ambient=0.36,
     horizon=(0.80, 0.86, 0.92),
     zenith=(0.45, 0.62, 0.85),
-    haze_m=30.0,
+    haze_m=42.0,
 )
 TABLE = Material((0.60, 0.43, 0.28), 0.25, 1.6, 0.03, "planks")
 Role = Literal["blocker", "passer", "shuttle", "tilter", "lifted", "still"]
@@ -166,6 +166,11 @@ def _draw_script(
         back = middle[1] + 0.9 + half_size[0] + random.uniform(0.2, 0.5)
         start = _from_table(middle[0] + side * random.uniform(1.9, 2.3), back)
         target = _from_table(middle[0] - side * random.uniform(1.5, 2.1), back)
+    elif role == "still":
+        # What never moves should be seen, at least in part.
+        blocker = _to_table(objects[0].motion.pose(0.0)[:2, 3])
+        while abs(_aside(start, blocker)) < 0.9 and _behind(start, blocker):
+            start = _draw_place(random)
     script = Script(shape, half_size, start, float(random.uniform(-math.pi, math.pi)))
     for first in range(0, frames, ROUND_FRAMES):
         moves = tuple(_draw_moves(random, role, script, first, start, target))
@@ -228,6 +233,14 @@ def _draw_moves(
 
 def _draw_place(random: np.random.Generator) -> tuple[float, float]:
     return _from_table(random.uniform(-REACH_M, REACH_M), random.uniform(-2.2, REACH_M))
+
+
+def _aside(place: tuple[float, float], blocker: tuple[float, float]) -> float:
+    return _to_table(np.asarray(place))[0] - blocker[0]
+
+
+def _behind(place: tuple[float, float], blocker: tuple[float, float]) -> bool:
+    return 0.0 < _to_table(np.asarray(place))[1] - blocker[1] < 3.0
 
 
 def _table_axes() -> FloatArray:

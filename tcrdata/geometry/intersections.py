@@ -67,8 +67,9 @@ def hit_shape(
     dx: float,
     dy: float,
     dz: float,
+    limit: float,
 ) -> float:
-    """Return the t > 0 at which a ray enters shape p, or inf."""
+    """Return the t > 0 at which a ray enters shape p, or inf; inf too where t is surely > limit."""
     A = unit_T_world[p]
     px = A[0, 0] * ox + A[0, 1] * oy + A[0, 2] * oz + A[0, 3]
     py = A[1, 0] * ox + A[1, 1] * oy + A[1, 2] * oz + A[1, 3]
@@ -85,7 +86,7 @@ def hit_shape(
         return _hit_sphere(px, py, pz, qx, qy, qz)
     if kind == CONE:
         return _hit_cone(px, py, pz, qx, qy, qz)
-    return _hit_plane(px, py, pz, qx, qy, qz, half_sizes[p, 0], half_sizes[p, 2])
+    return _hit_plane(px, py, pz, qx, qy, qz, half_sizes[p, 0], half_sizes[p, 2], limit)
 
 
 @kernel
@@ -175,8 +176,11 @@ def _hit_plane(
     qz: float,
     wavelength_m: float,
     amplitude_m: float,
+    limit: float,
 ) -> float:
     if qz >= 0.0:
+        return np.inf
+    if (amplitude_m - pz) / qz > limit:
         return np.inf
     t = -pz / qz
     if amplitude_m > 0.0:

@@ -202,7 +202,7 @@ def _cast(
                 p = found[c]
                 if not may_hit(spheres, p, x, y, z, dx, dy, dz, best):
                     continue
-                t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz)
+                t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz, best)
                 if t < best:
                     best = t
                     hits[first + i] = p
@@ -238,7 +238,14 @@ def _count_pixels(
             column, row = windows[m, 2 * (corner % 2)], windows[m, 1 + 2 * (corner // 2)]
             for axis in range(3):
                 corners[corner, axis] = R[axis, 0] * column + R[axis, 1] * row + R[axis, 2]
-        count = gather_candidates(spheres, origin, corners, np.inf, found)
+        far = 0.0
+        for p in range(first, last):
+            away = math.sqrt(
+                (spheres[p, 0] - x) ** 2 + (spheres[p, 1] - y) ** 2 + (spheres[p, 2] - z) ** 2
+            )
+            far = max(far, away + spheres[p, 3])
+        # A pixel's direction is at least 1 long, so t is at most the distance in metres.
+        count = gather_candidates(spheres, origin, corners, far, found)
         for row in range(windows[m, 1], windows[m, 3]):
             for column in range(windows[m, 0], windows[m, 2]):
                 dx = R[0, 0] * column + R[0, 1] * row + R[0, 2]
@@ -246,7 +253,9 @@ def _count_pixels(
                 dz = R[2, 0] * column + R[2, 1] * row + R[2, 2]
                 own = np.inf
                 for p in range(first, last):
-                    t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz)
+                    if not may_hit(spheres, p, x, y, z, dx, dy, dz, own):
+                        continue
+                    t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz, own)
                     own = min(own, t)
                 if own == np.inf:
                     continue
@@ -258,7 +267,8 @@ def _count_pixels(
                         continue
                     if not may_hit(spheres, p, x, y, z, dx, dy, dz, own):
                         continue
-                    if hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz) < own:
+                    t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz, own)
+                    if t < own:
                         hidden = True
                         break
                 if not hidden:
