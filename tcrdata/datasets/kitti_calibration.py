@@ -74,8 +74,9 @@ class _KeyFile:
         try:
             lines = path.read_text(encoding="utf-8").splitlines()
         except (OSError, UnicodeDecodeError) as error:
+            reason = getattr(error, "strerror", None) or error
             raise DatasetError(
-                f"cannot read the calibration '{path}' ({error}): restore it"
+                f"cannot read the calibration '{path}': {reason}; restore it"
             ) from error
         words = [line.split() for line in lines]
         self.values = {line[0].rstrip(":"): line[1:] for line in words if line}
@@ -129,6 +130,8 @@ class _KeyFile:
         if name not in self.values:
             return None
         width, height = self.numbers(2, name)
+        if min(width, height) < 1:
+            raise DatasetError(f"'{self.path}', key '{name}': the sizes must be positive")
         return int(width), int(height)
 
     def _checked(self, rotation: FloatArray, name: str) -> FloatArray:
