@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pyarrow.dataset
 
@@ -29,6 +29,8 @@ def connect(
     import duckdb
 
     connection = duckdb.connect()
+    # Files never change: their footers need reading once a connection, not once a query.
+    connection.execute("set parquet_metadata_cache = true")
     create_views(connection, files, tables, views)
     return connection
 
@@ -74,7 +76,8 @@ def _create_table(
     names = ", ".join(quote(column.name) for column in columns(table))
     if files.is_local:
         _check_sizes(files, entries)
-        paths = ", ".join(_literal(_no_glob(files.full_path(entry.path))) for entry in entries)
+        root = _no_glob(files.full_path("")).replace("'", "''")
+        paths = ", ".join(f"'{root}{entry.path}'" for entry in entries)
         source = f"read_parquet([{paths}], hive_partitioning = false)"
     else:
         source = quote(f"_{schema}_{table}")
@@ -132,10 +135,6 @@ def one_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
-def _literal(value: Any) -> str:
-    return "'" + str(value).replace("'", "''") + "'"
-
-
 def _no_glob(path: str) -> str:
-    """DuckDB reads every path as a pattern."""
+    """DuckDB reads every path as a pattern; what lies below the store's root never is one."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in path)
