@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 
     from tcrdata.pipeline import UnitOutcome
 
+WIDTH_IN_A_FILE = 120
+
 
 def print_json(value: Any) -> None:
     """Print a value as JSON on stdout; NaN and infinities become null."""
@@ -30,8 +32,8 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
         table.add_column(name, justify="right" if numeric else "left", no_wrap=index == 0)
     for row in rows:
         table.add_row(*(_shown(value) for value in row))
-    console = Console(file=sys.stdout)
-    console.print(table, width=None if console.is_terminal else 160, crop=False)
+    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH_IN_A_FILE)
+    console.print(table)
 
 
 def say(message: str) -> None:

@@ -72,9 +72,9 @@ def ingest_truth(store: Store, plan: Plan, dataset: Dataset, sequence: str) -> b
     return True
 
 
-def stored_frames(store: Store, plan: Plan, sequence: str) -> Iterator[Frame]:
+def frames_of(store: Store, dataset: str, sequence: str) -> Iterator[Frame]:
     """Yield the usable frames of `frames`, in order, as the dataset first gave them."""
-    tables = store.tables(plan.dataset_name, sequence, ROUND)
+    tables = store.tables(dataset, sequence, ROUND)
     paths = dict(_path_pairs(tables.read("images"), "image"))
     points = dict(_path_pairs(tables.read("sweeps"), "path"))
     for row in tables.read("frames").to_pylist():

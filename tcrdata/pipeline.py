@@ -15,7 +15,7 @@ from tcrdata import registry
 from tcrdata.errors import DatasetError, EvidenceError, SettingsError, TcrdataError
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.frame_ranges import FrameRanges
-from tcrdata.ingest import frame_inputs, ingest_frames, ingest_truth, stored_frames
+from tcrdata.ingest import frame_inputs, frames_of, ingest_frames, ingest_truth
 from tcrdata.plan import FAILED, FRAMES, ROUND, TRUTH, Plan
 from tcrdata.rules import Selection, load_preset, preset_names, select
 from tcrdata.settings import unknown
@@ -244,7 +244,7 @@ def _measure(
     """Run one cue over one sequence and commit its rows."""
     cue = CueInput(
         info=info,
-        frames=tuple(stored_frames(store, plan, unit.sequence)),
+        frames=tuple(frames_of(store, unit.dataset, unit.sequence)),
         dataset=dataset,
         tables=store.tables(unit.dataset, unit.sequence, unit.round),
         settings=plan.cue_settings[unit.stage],

@@ -1,0 +1,150 @@
+"""Pictures of a store's frames: what was selected, what was not, and the truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import tcrdata
+from tcrdata import registry
+from tcrdata.errors import MissingEvidenceError, SettingsError
+from tcrdata.frame_ranges import parse_frame_ranges
+from tcrdata.ingest import frames_of
+from tcrdata.plan import ROUND
+from tcrdata.reports import run_report
+from tcrdata.store import Store
+from tcrdata.store.arrays import decode_flow, decode_points
+from tcrdata.types import FloatArray, Frame
+
+FRAMES_BY_DEFAULT = 5
+BOX_COLUMNS = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+
+
+def draw_frames(
+    store: Store,
+    selection_id: str,
+    out: Path,
+    sequence: str | None,
+    frames: str | None,
+    *,
+    with_truth: bool,
+) -> Iterator[Path]:
+    """Draw frames of a sequence into PNG files; yield each file's path as it is written.
+
+    Args:
+        store: what to draw from; its dataset must still be where the build read it.
+        selection_id: whose labels to draw.
+        out: folder, made when absent.
+        sequence: the first of the store when None.
+        frames: ranges; five spread over the sequence when None.
+        with_truth: draw ground truth too.
+
+    Raises:
+        MissingEvidenceError: the store has no such sequence or frame.
+    """
+    from tcrdata.views.scene_picture import frame_picture
+
+    info = _sequence_row(store, sequence)
+    dataset = registry.find("datasets", info["dataset"]).open_dataset(info["root"])
+    handle = tcrdata.open(store.url)
+    out.mkdir(parents=True, exist_ok=True)
+    for frame in _chosen(store, info, frames):
+        boxes = _boxes(handle.connection, selection_id, frame, with_truth=with_truth)
+        picture = frame_picture(
+            dataset.read_image(frame) if frame.has_image else None,
+            dataset.read_points(frame).xyz,
+            _votes(store, frame),
+            boxes,
+            frame.level_projection,
+            info["metric_scale"],
+            f"{frame.dataset} {frame.sequence}, frame {frame.frame}",
+        )
+        path = out / f"{frame.sequence}-{frame.frame:06d}.png"
+        path.write_bytes(picture)
+        yield path
+        yield from _flow_file(store, frame, out)
+
+
+def _sequence_row(store: Store, sequence: str | None) -> dict[str, Any]:
+    rows = store.read("sequences").to_pylist()
+    for row in rows:
+        if sequence in (None, row["sequence"]):
+            return dict(row)
+    names = ", ".join(row["sequence"] for row in rows[:8]) or "none"
+    raise MissingEvidenceError(f"{store.url}: no sequence '{sequence}'; there are: {names}")
+
+
+def _chosen(store: Store, info: dict[str, Any], text: str | None) -> list[Frame]:
+    frames = list(frames_of(store, info["dataset"], info["sequence"]))
+    if text is None:
+        spread = np.linspace(0, len(frames) - 1, min(FRAMES_BY_DEFAULT, len(frames)))
+        return [frames[int(index)] for index in spread.round()]
+    ranges = parse_frame_ranges(text)
+    chosen = [frame for frame in frames if frame.frame in ranges]
+    if not chosen:
+        raise SettingsError(f"--frames {text}: {info['sequence']} has no such usable frame")
+    return chosen
+
+
+def _boxes(
+    connection: Any, selection_id: str, frame: Frame, *, with_truth: bool
+) -> dict[str, FloatArray]:
+    parameters = {
+        "drawn_selection": selection_id,
+        "drawn_dataset": frame.dataset,
+        "drawn_sequence": frame.sequence,
+        "drawn_frame": frame.frame,
+        "drawn_truth": with_truth,
+    }
+    rows = run_report(connection, "frame_boxes", parameters).to_arrow_table().to_pylist()
+    kinds = sorted({row["kind"] for row in rows} | {"labels"})
+    return {
+        kind: np.array(
+            [[row[name] for name in BOX_COLUMNS] for row in rows if row["kind"] == kind]
+        ).reshape(-1, 7)
+        for kind in kinds
+    }
+
+
+def _votes(store: Store, frame: Frame) -> Any:
+    """The frame's free-space votes, or None when no build has measured them."""
+    from tcrdata.views.birds_eye import Votes
+
+    found = {}
+    for cue in ("votes_free", "votes_static"):
+        rows = store.read(
+            "point_evidence",
+            dataset=frame.dataset,
+            sequence=frame.sequence,
+            round=ROUND,
+            frame=frame.frame,
+            cue=cue,
+        ).to_pylist()
+        if not rows:
+            return None
+        row = rows[0]
+        found[cue] = decode_points(row["codec"], row["data"], row["number_of_points"])
+    return Votes(found["votes_free"], found["votes_static"])
+
+
+def _flow_file(store: Store, frame: Frame, out: Path) -> Iterator[Path]:
+    """Write the forward flow by the colour wheel, when a build has measured it."""
+    from tcrdata.views.canvas import png_bytes
+    from tcrdata.views.flow_colours import flow_picture
+
+    rows = store.read(
+        "flows",
+        dataset=frame.dataset,
+        sequence=frame.sequence,
+        round=ROUND,
+        frame=frame.frame,
+        direction="forward",
+    ).to_pylist()
+    for row in rows[:1]:
+        flow = decode_flow(row["codec"], row["data"], row["height_px"], row["width_px"])
+        path = out / f"{frame.sequence}-{frame.frame:06d}-flow.png"
+        path.write_bytes(png_bytes(flow_picture(flow)))
+        yield path
