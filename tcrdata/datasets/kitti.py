@@ -23,11 +23,11 @@ from tcrdata.datasets.kitti_layout import (
     find_sequences,
     numbered_files,
 )
-from tcrdata.datasets.kitti_sweeps import read_sweep, size_error
+from tcrdata.datasets.kitti_sweeps import read_sweep, size_error, to_level
 from tcrdata.datasets.kitti_timestamps import Timestamp, sequence_timestamps
 from tcrdata.datasets.kitti_truth import truth_rows
 from tcrdata.errors import DatasetError, FrameError
-from tcrdata.geometry.transforms import as_tuples, transform_points
+from tcrdata.geometry.transforms import as_tuples
 from tcrdata.types import Camera, Frame, ImageArray, PointCloud, SequenceInfo
 
 _DEFAULT_SIZE_PX = (1242, 375)
@@ -76,7 +76,7 @@ class KittiDataset:
         listing = _list_files(files)
         calibration = read_calibration(files)
         _, source = _image_size(listing, calibration)
-        names = ", ".join(path.name for path in files.calibration)
+        names = ", ".join(path.relative_to(files.base).as_posix() for path in files.calibration)
         return SequenceInfo(
             dataset=self.name,
             sequence=sequence,
@@ -124,8 +124,7 @@ class KittiDataset:
         if frame.points_path is None:
             raise FrameError(f"frame {frame.frame} of '{frame.sequence}' has no sweep")
         points = read_sweep(Path(self.root) / frame.points_path, frame.frame)
-        xyz = transform_points(frame.level_T_sensor, points[:, :3])
-        return PointCloud(xyz.astype(np.float32, copy=False), np.ascontiguousarray(points[:, 3]))
+        return PointCloud(to_level(points, frame.sensor_matrix), np.ascontiguousarray(points[:, 3]))
 
     def read_image(self, frame: Frame) -> ImageArray:
         """Return the (H, W, 3) RGB image of the left colour camera.

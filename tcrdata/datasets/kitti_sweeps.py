@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import FrameError
-from tcrdata.types import Float32Array
+from tcrdata.types import Float32Array, FloatArray
 
 _COLUMNS = ("x", "y", "z", "reflectance")
 _POINT_BYTES = 4 * len(_COLUMNS)
@@ -49,3 +49,18 @@ def read_sweep(path: Path, frame: int) -> Float32Array:
                 f"{name} below {_LARGEST_M:g}; fetch it again"
             )
     return points
+
+
+def to_level(points: Float32Array, level_T_sensor: FloatArray) -> Float32Array:
+    """Return (N, 3) positions in the level frame (m) of the (N, 4) points of a sweep.
+
+    Args:
+        points: x, y, z, reflectance in the Velodyne's frame.
+        level_T_sensor: (4, 4), Velodyne to level frame.
+    """
+    # Column by column: a matrix product would round as the threads share it out, and is slower.
+    x, y, z = np.ascontiguousarray(points[:, :3].T)
+    result = np.empty((len(points), 3), dtype=np.float32)
+    for row, (a, b, c, offset) in enumerate(level_T_sensor[:3].astype(np.float32)):
+        result[:, row] = a * x + b * y + c * z + offset
+    return result
