@@ -54,7 +54,7 @@ from (
 """
 _CONFIDENCES = """
 select proposal_id, frame, module, random() as confidence, random() as raw_value, 'share' as unit
-from proposals, (select unnest(['free_space', 'motion_3d', 'motion_2d', 'objectness_3d']) as module)
+from proposals, (select unnest(['free_space', 'motion_3d', 'motion_2d', 'track']) as module)
 where source = $source
 """
 _EGOMOTIONS = """

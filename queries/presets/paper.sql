@@ -5,9 +5,11 @@
 -- cues: flow_ransac, regions_paper
 set variable taken_source = 'paper';
 set variable taken_fit = 'min_area';
+set variable min_points = 10;
 set variable max_cycle_error_m = 0.25;
 set variable egomotion_method = 'flow_ransac';
 
--- The chi-square distance lies in [0, 1] and says how surely the region moves by itself.
-select p.proposal_id, 'positive' as state, p.center_surround_chi2 as score
+-- The faster a region moves by itself, the surer.
+select p.proposal_id, 'positive' as state, coalesce(c.confidence, 0)::double as score
 from proposals p
+left join confidences c on c.proposal_id = p.proposal_id and c.module = 'motion_3d'

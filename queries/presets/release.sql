@@ -7,9 +7,8 @@ set variable taken_source = 'release';
 set variable taken_fit = 'min_area';
 set variable max_cycle_error_m = 0.1;
 set variable egomotion_method = 'flow_ransac';
-set variable full_score_voxels = 1024;  -- voxels: from here on a region has the highest score
 
--- The released code does not rank its labels: larger regions first.
-select p.proposal_id, 'positive' as state,
-       least(1, least(p.voxels_a, p.voxels_b) / getvariable('full_score_voxels'))::double as score
+-- The released code does not rank its labels; here the faster in the image, the surer.
+select p.proposal_id, 'positive' as state, coalesce(c.confidence, 0)::double as score
 from proposals p
+left join confidences c on c.proposal_id = p.proposal_id and c.module = 'motion_2d'

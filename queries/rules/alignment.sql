@@ -13,5 +13,5 @@ select p.proposal_id, e.alignment_share as value,
             then e.alignment_share >= getvariable('min_alignment_share') end as passed
 from proposals p
 left join egomotions e
-    on (e.dataset, e.sequence, e.frame, e.round) = (p.dataset, p.sequence, p.frame, p.round)
-    and e.method = getvariable('alignment_method')
+    on e.dataset = p.dataset and e.sequence = p.sequence and e.frame = p.frame
+    and e.round = p.round and e.method = getvariable('alignment_method')

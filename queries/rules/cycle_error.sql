@@ -11,5 +11,5 @@ select p.proposal_id, e.cycle_error_m as value,
        e.cycle_error_m <= getvariable('max_cycle_error_m') * p.metric_scale as passed
 from proposals p
 left join egomotions e
-    on (e.dataset, e.sequence, e.frame, e.round) = (p.dataset, p.sequence, p.frame, p.round)
-    and e.method = getvariable('egomotion_method')
+    on e.dataset = p.dataset and e.sequence = p.sequence and e.frame = p.frame
+    and e.round = p.round and e.method = getvariable('egomotion_method')

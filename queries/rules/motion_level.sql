@@ -1,10 +1,10 @@
--- The region was cut out at this level of egomotion-stabilised 3D motion, or above it.
--- source: section 3.7: threshold |dXYZ|, then connected components
--- needs: value >= min_motion_level_m * metric_scale
+-- Of the levels at which regions of stabilised 3D motion were cut out, the preset takes one.
+-- source: section 3.7: threshold |dXYZ|, then connected components; the paper gives no number
+-- needs: value = motion_level_m
 -- cues: regions_paper
-set variable min_motion_level_m = 0.2;  -- m: |dXYZ| between two frames; the paper gives no number
+set variable motion_level_m = 0.4;  -- m: the lowest level above RANSAC's inlier radius of 0.25 m
 
 select p.proposal_id, p.motion_threshold_m as value,
-       (getvariable('min_motion_level_m') * p.metric_scale)::double as bound,
-       p.motion_threshold_m >= getvariable('min_motion_level_m') * p.metric_scale as passed
+       getvariable('motion_level_m')::double as bound,
+       abs(p.motion_threshold_m - getvariable('motion_level_m')) < 1e-9 as passed
 from proposals p

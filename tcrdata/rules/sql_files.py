@@ -95,9 +95,8 @@ def read_sql_file(
     parameters = tuple(
         _parameter(path, text, at, statement, connection) for at, statement in settings
     )
-    names = [p.name for p in parameters]
-    for parameter in parameters:
-        if names.count(parameter.name) > 1:
+    for index, parameter in enumerate(parameters):
+        if parameter.name in (earlier.name for earlier in parameters[:index]):
             raise RuleError(f"{path}:{parameter.line}: parameter {parameter.name} is set twice")
     return SqlFile(path, decides, fields, parameters, select, _line(text, select_at))
 
@@ -235,7 +234,7 @@ def _kind(value: Any, type_name: str) -> Kind | None:
     if isinstance(value, str):
         return "text"
     numbers = ("DECIMAL", "DOUBLE", "FLOAT", "TINYINT", "SMALLINT", "INTEGER", "BIGINT")
-    return "number" if value is not None and type_name.startswith(numbers) else None
+    return "number" if value is not None and type_name.partition("(")[0] in numbers else None
 
 
 def _comment(text: str, end: int) -> tuple[str, str]:

@@ -1,0 +1,10 @@
+-- No surer track has this place in this frame already: fragments of one object give one label.
+-- source: ours
+-- needs: value < max_overlapped_share
+-- cues: tracks
+set variable max_overlapped_share = 0.5;  -- share: of the footprint that a surer track covers
+
+select p.proposal_id, p.overlapped_share as value,
+       getvariable('max_overlapped_share')::double as bound,
+       p.overlapped_share < getvariable('max_overlapped_share') as passed
+from proposals p

@@ -1,0 +1,116 @@
+"""Presets: what they list fits together; overrides are checked by name and type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tcrdata.errors import RuleError, SettingsError
+from tcrdata.resources import resource_files
+from tcrdata.rules import load_preset, load_rules, preset_names
+from tcrdata.rules.presets import check_presets
+
+HEAD = "-- Mine.\n-- rules: source, range\n-- required: source\n-- cues: tracks\n"
+SELECT = "select p.proposal_id, 'positive' as state, 1.0::double as score from proposals p\n"
+Write = Callable[[str, str], Path]
+
+
+def test_shipped_presets_load_together() -> None:
+    assert preset_names() == ["paper", "release", "tcrdata", "tcrdata_static"]
+    presets = {preset.name: preset for preset in check_presets(preset_names())}
+    assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
+    assert presets["release"].fill().parameters["max_cycle_error_m"] == "0.1"
+    used = {rule.name for preset in presets.values() for rule in preset.rules}
+    assert used == set(load_rules())
+
+
+def test_a_preset_and_rules_of_ones_own(write_sql: Write) -> None:
+    write_sql(
+        "rules/long.sql",
+        "-- It is long.\n-- source: me\n-- needs: value > mine_m\n-- cues:\n"
+        "set variable mine_m = 1;  -- m: length\n"
+        "select p.proposal_id, p.length_m as value, getvariable('mine_m')::double as bound,\n"
+        "       p.length_m > getvariable('mine_m') as passed from proposals p\n",
+    )
+    path = write_sql(
+        "my.sql", HEAD.replace("range", "long") + "set variable mine_m = 2;\n" + SELECT
+    )
+    preset = load_preset(str(path))
+    assert [rule.name for rule in preset.rules] == ["source", "long"]
+    assert preset.fill().parameters["mine_m"] == "2"
+    assert preset.cues == ("tracks",)
+
+
+def test_overrides_are_filled_in_one_spelling() -> None:
+    preset = load_preset("paper")
+    text, number = (
+        preset.fill({"max_cycle_error_m": "0.10"}),
+        preset.fill({"max_cycle_error_m": 0.1}),
+    )
+    assert text == number != preset.fill()
+    assert "(0.1)" in next(rule.select for rule in text.rules if rule.name == "cycle_error")
+    assert preset.fill({"egomotion_method": "odometry"}).parameters["egomotion_method"] == (
+        "'odometry'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        ({"max_cycle_eror_m": 1}, "has no parameter 'max_cycle_eror_m'; near: max_cycle_error_m"),
+        ({"max_cycle_error_m": "far"}, "max_cycle_error_m must be a number, not 'far'"),
+        ({"max_cycle_error_m": "nan"}, "must be a finite number"),
+        ({"max_cycle_error_m": True}, "must be a"),
+        ({"egomotion_method": 3}, "egomotion_method must be text"),
+        ({"min_voxels": 1}, "has no parameter 'min_voxels'"),
+    ],
+)
+def test_wrong_overrides_are_refused(overrides: dict[str, object], message: str) -> None:
+    with pytest.raises(SettingsError, match="parameter") as caught:
+        load_preset("paper").fill(overrides)
+    assert message in str(caught.value)
+
+
+def test_unknown_preset_lists_those_there_are() -> None:
+    with pytest.raises(SettingsError, match="no preset 'papr'; there are paper, release, tcrdata"):
+        load_preset("papr")
+    with pytest.raises(SettingsError, match=r"no preset '/nowhere/my\.sql'"):
+        load_preset("/nowhere/my.sql")
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        (HEAD.replace("range", "rnge") + SELECT, SettingsError, "no rule 'rnge'; there are"),
+        (HEAD.replace("source, range", "") + SELECT, RuleError, "lists no rule"),
+        (HEAD.replace("range", "source") + SELECT, RuleError, "listed twice"),
+        (HEAD.replace("d: source", "d: height") + SELECT, RuleError, "required names height"),
+        (HEAD.replace("range", "voxels") + SELECT, RuleError, "name one in `-- cues:`"),
+        (HEAD.replace("-- cues: tracks\n", "") + SELECT, RuleError, "lacks a line '-- cues: ...'"),
+        (HEAD + "set variable min_voxels = 1;\n" + SELECT, RuleError, "does not list"),
+        (HEAD + "set variable min_range_m = 'far';\n" + SELECT, RuleError, "must be a number"),
+        (HEAD + "set variable lost = 1;\n" + SELECT, RuleError, "neither its select nor a rule"),
+        (HEAD + SELECT.replace("1.0::double", "1"), RuleError, "column score is INTEGER"),
+        (HEAD + SELECT.replace("from prop", "from labels, prop"), RuleError, "my.sql:5: "),
+        (HEAD + "drop table proposals", RuleError, "only reads"),
+    ],
+)
+def test_a_wrong_preset_is_refused(
+    write_sql: Write, text: str, error: type[Exception], message: str
+) -> None:
+    path = write_sql("my.sql", text)
+    with pytest.raises(error) as caught:
+        load_preset(str(path))
+    assert message in str(caught.value)
+    assert str(path) in str(caught.value)
+
+
+def test_rules_and_settings_share_no_name() -> None:
+    """A bound that decides a label lives in SQL alone."""
+    parameters = {p.name for rule in load_rules().values() for p in rule.parameters}
+    evidence = Path(resource_files("queries/rules/*.sql")[0]).parents[2] / "tcrdata" / "evidence"
+    for path in evidence.glob("*.py"):
+        words = set(path.read_text(encoding="utf-8").replace(":", " ").replace("(", " ").split())
+        assert not words & parameters, f"{path.name} has a rule's parameter"
