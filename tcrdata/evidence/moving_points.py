@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,12 @@ class MovingPoints:
     heights_m: Float32Array | None
     projection: FloatArray
     size_px: tuple[int, int]
+
+    def displaced(self) -> MovingPoints:
+        """Return only the points whose 3D motion is known."""
+        known = np.isfinite(self.motion_3d_m)
+        names = ("xyz", "indices", "pixels", "motion_3d_m", "motion_2d_px", "cosine")
+        return replace(self, **{name: getattr(self, name)[known] for name in names})
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from tcrdata.evidence.moving_points import MovingPoints, each_frame
 from tcrdata.evidence.moving_regions import Confidence, Region, box_around, region_rows
 from tcrdata.types import CueInput, IntArray, Rows
 
-NEEDS: tuple[str, ...] = ("flow", "motion")
+NEEDS: tuple[str, ...] = ("flow", "ground", "motion")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
 NEEDS_IMAGES: bool = True
 SOURCE = "paper"
@@ -46,7 +46,7 @@ class Settings:
 
     levels_m: tuple[float, ...] = (0.1, 0.2, 0.4, 0.8)
     link_voxel_m: float = 0.5
-    smallest_points: int = 4
+    smallest_points: int = 6
     shell_m: float = 1.0
     histogram_bin_m: float = 0.1
     histogram_bins: int = 16
@@ -62,6 +62,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
 
 def measure(points: MovingPoints, settings: Settings) -> Iterator[Rows]:
     """Yield the rows of one frame: regions at every level, lowest first."""
+    points = points.displaced()
     regions: list[Region] = []
     for level_m in settings.levels_m:
         for members in cut(points, level_m * points.metric_scale, settings):
@@ -74,7 +75,7 @@ def cut(points: MovingPoints, level_m: float, settings: Settings) -> list[IntArr
     """Return the members of each connected region of points that move by more than a level.
 
     Args:
-        points: of the frame.
+        points: of the frame, with known 3D motion.
         level_m: |dXYZ| above which a point moves, metres of this world.
         settings: the voxel and the smallest region.
     """
@@ -92,11 +93,10 @@ def _measured(
     points: MovingPoints, members: IntArray, level_m: float, settings: Settings
 ) -> dict[str, Any]:
     scale = points.metric_scale
-    moves = np.isfinite(points.motion_3d_m)
-    center = np.zeros(len(moves), dtype=bool)
+    center = np.zeros(len(points.xyz), dtype=bool)
     center[members] = True
     box, _ = box_around(points.xyz[members], "min_area")
-    surround = shell(points.xyz, center, box, settings.shell_m * scale) & moves
+    surround = shell(points.xyz, center, box, settings.shell_m * scale)
     return {
         # The level as it was set: a rule names it without the scale.
         "motion_threshold_m": level_m,

@@ -24,7 +24,7 @@ from tcrdata.evidence.moving_regions import Confidence, Region, region_rows
 from tcrdata.geometry.transforms import level_project
 from tcrdata.types import CueInput, IntArray, Rows
 
-NEEDS: tuple[str, ...] = ("flow", "motion")
+NEEDS: tuple[str, ...] = ("flow", "ground", "motion")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
 NEEDS_IMAGES: bool = True
 SOURCE = "release"
@@ -90,10 +90,10 @@ def cut(points: MovingPoints, settings: Settings) -> list[Cut]:
     """Return the components of B, in the order of their first voxel."""
     cells = voxels.keys(voxels.voxel_indices(points.xyz, settings.voxel_m * points.metric_scale))
     explained = points.motion_3d_m <= settings.explained_m * points.metric_scale
-    static = voxels.dilated(np.unique(cells[explained]))
-    in_b = (points.motion_2d_px > settings.residual_above_px) & ~voxels.is_in(cells, static)
+    candidates = np.flatnonzero(points.motion_2d_px > settings.residual_above_px)
+    static = np.unique(cells[explained])
+    candidates = candidates[~voxels.touching(cells[candidates], static)]
     voxels_a = np.unique(cells[points.cosine < settings.cosine_below])
-    candidates = np.flatnonzero(in_b)
     voxels_b, place = np.unique(cells[candidates], return_inverse=True)
     labels = voxels.components(voxels_b)
     also_a = voxels.is_in(voxels_b, voxels_a)

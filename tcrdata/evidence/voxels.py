@@ -1,4 +1,4 @@
-"""Sparse voxels: where points fall, which voxels touch, and growing by one."""
+"""Sparse voxels: where points fall, and which voxels touch."""
 
 from __future__ import annotations
 
@@ -44,10 +44,16 @@ def is_in(packed: IntArray, others: IntArray) -> BoolArray:
     return np.asarray(others[place] == packed)
 
 
-def dilated(packed: IntArray) -> IntArray:
-    """Return the sorted keys of voxels and of all that touch them by a face, edge or corner."""
+def touching(packed: IntArray, others: IntArray) -> BoolArray:
+    """Return (N,): which keys are among the others grown by one voxel on every side.
+
+    Args:
+        packed: (N,) keys.
+        others: sorted and unique keys.
+    """
     grown = from_keys(packed)[:, None, :] + _NEIGHBOURS[None, :, :]
-    return np.unique(keys(grown.reshape(-1, 3)))
+    found = is_in(keys(grown.reshape(-1, 3)), others).reshape(-1, len(_NEIGHBOURS))
+    return np.asarray(found.any(axis=1))
 
 
 def components(packed: IntArray) -> IntArray:
