@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,10 @@ class MapSettings:
         reach_m: points farther from the sensor are left out.
         highest_m: points higher above the ground are left out: crowns, wires, walls.
         voxel_m: side of the cubes that keep one point each.
-        eps_m: neighbours are this near.
+        base_m: points lower above the ground are left out: kerbs and grass join what they touch.
+        eps_m: neighbours are this near; what is larger than a car is cut again by the next.
+        whole_length_m: what is longer is larger than a car.
+        whole_width_m: what is wider is larger than a car.
         minimum_neighbours: a core point of a cluster has so many, itself counted.
         minimum_voxels: smaller clusters are left out.
         longest_m: longer clusters are left out.
@@ -37,19 +41,23 @@ class MapSettings:
     reach_m: float = 50.0
     highest_m: float = 3.0
     voxel_m: float = 0.1
-    eps_m: float = 0.45
+    base_m: float = 0.3
+    eps_m: tuple[float, ...] = (0.45, 0.3, 0.2)
+    whole_length_m: float = 6.5
+    whole_width_m: float = 2.6
     minimum_neighbours: int = 5
     minimum_voxels: int = 30
     longest_m: float = 12.0
     shortest_m: float = 1.0
     lowest_m: float = 0.5
-    trim_share: float = 0.01
+    trim_share: float = 0.02
     fit_points: int = 1000
 
     def scaled(self, metric_scale: float) -> MapSettings:
         """Return the settings of a world whose road scene is `metric_scale` as large."""
-        names = [name for name in self.__dataclass_fields__ if name.endswith("_m")]
-        return replace(self, **{name: getattr(self, name) * metric_scale for name in names})
+        names = [n for n in self.__dataclass_fields__ if n.endswith("_m") and n != "eps_m"]
+        lengths = {name: getattr(self, name) * metric_scale for name in names}
+        return replace(self, eps_m=tuple(eps * metric_scale for eps in self.eps_m), **lengths)
 
 
 @dataclass(frozen=True)
@@ -96,6 +104,7 @@ def map_points(
     chosen: IntArray = np.flatnonzero(
         ~ground
         & (votes_static >= settings.static_votes)
+        & (height_m >= settings.base_m)
         & (height_m <= settings.highest_m)
         & (distance <= settings.reach_m)
     )
@@ -112,19 +121,46 @@ def static_objects(
         settings: scaled to the world.
         edge_margin_m: a voxel this near a side lies on it.
     """
+    everything = np.arange(len(points))
+    return list(_cut(points, everything, 0, settings, edge_margin_m))
+
+
+def _cut(
+    points: Float32Array,
+    members: IntArray,
+    level: int,
+    settings: MapSettings,
+    edge_margin_m: float,
+) -> Iterator[StaticObject]:
+    """Yield the objects among some points; what is larger than a car is cut by a smaller eps."""
     clusters = density_clusters(
-        points[:, :3],
-        eps_m=settings.eps_m,
+        points[members, :3],
+        eps_m=settings.eps_m[level],
         vertical_share=1.0,
         minimum_neighbours=settings.minimum_neighbours,
         minimum_points=settings.minimum_voxels,
     )
-    found = (_fitted(points[c].astype(np.float64), settings, edge_margin_m) for c in clusters)
-    return [item for item in found if item is not None]
+    last = level == len(settings.eps_m) - 1
+    for cluster in clusters:
+        found = _fitted(points[members[cluster]].astype(np.float64), settings, edge_margin_m)
+        if not last and (found is None or _oversized(found, settings)):
+            yield from _cut(points, members[cluster], level + 1, settings, edge_margin_m)
+        elif found is not None and not _beyond(found, settings):
+            yield found
+
+
+def _oversized(item: StaticObject, settings: MapSettings) -> bool:
+    return bool(item.box[3] > settings.whole_length_m or item.box[4] > settings.whole_width_m)
+
+
+def _beyond(item: StaticObject, settings: MapSettings) -> bool:
+    length, height = item.box[3], item.box[5]
+    within = settings.shortest_m <= length <= settings.longest_m
+    return bool(not within or height < settings.lowest_m)
 
 
 def _fitted(points: FloatArray, settings: MapSettings, edge_margin_m: float) -> StaticObject | None:
-    """Return the object of one cluster; None beyond the limits of the settings."""
+    """Return the object of one cluster; None when it is far too long."""
     xz = points[:, [0, 2]]
     if np.hypot(*np.ptp(xz, axis=0)) > 1.5 * settings.longest_m:
         return None
@@ -143,8 +179,6 @@ def _fitted(points: FloatArray, settings: MapSettings, edge_margin_m: float) -> 
     top = float(np.quantile(points[:, 3], 1 - settings.trim_share))
     base_y = float(np.median(points[:, 1] + points[:, 3]))
     box[1], box[5] = base_y - top / 2, top
-    if not settings.shortest_m <= box[3] <= settings.longest_m or top < settings.lowest_m:
-        return None
     gaps = edge_distance(xz, box)
     return StaticObject(
         box=box,
