@@ -113,6 +113,16 @@ def write_tracking(
     return training
 
 
+def sweep_file(folder: Path, frame: int) -> Path:
+    """Return where a raw drive has a sweep."""
+    return folder / "velodyne_points" / "data" / f"{frame:010d}.bin"
+
+
+def image_file(folder: Path, frame: int) -> Path:
+    """Return where a raw drive has an image."""
+    return folder / "image_02" / "data" / f"{frame:010d}.png"
+
+
 def sweep(number: int) -> np.ndarray:
     """Return (N, 4) float32: the ground and the boxes' faces, in the Velodyne's frame."""
     x, y = np.meshgrid(np.arange(3.0, 40.0, 0.5), np.arange(-12.0, 12.5, 0.5))
