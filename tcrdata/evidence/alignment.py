@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import Float32Array, FloatArray, IntArray
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def sort_by_cell(
     xyz: Float32Array, cell_m: float
 ) -> tuple[IntArray, IntArray, float, float, int, int]:
@@ -39,7 +39,7 @@ def sort_by_cell(
     return order, starts, x0, z0, nx, nz
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _count_near(query: Float32Array, target: Float32Array, radius_m: float, cell_m: float) -> int:
     order, starts, x0, z0, nx, nz = sort_by_cell(target, cell_m)
     count = 0
@@ -83,7 +83,7 @@ def share_with_neighbour(
     return float(near) / len(query)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _largest_square(xyz: Float32Array, A: FloatArray, b: FloatArray) -> float:
     largest = 0.0
     for i in range(len(xyz)):

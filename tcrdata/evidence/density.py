@@ -2,29 +2,33 @@
 
 from __future__ import annotations
 
-import numba
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.evidence.alignment import sort_by_cell
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import Float32Array, IntArray
 
+Index = int | np.signedinteger[Any]
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _root(parents: IntArray, i: int) -> int:
+
+@compiled
+def _root(parents: IntArray, i: Index) -> Index:
     while parents[i] != i:
         parents[i] = parents[parents[i]]
         i = parents[i]
     return i
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _square(xyz: Float32Array, i: int, j: int) -> float:
     dx, dy, dz = xyz[i, 0] - xyz[j, 0], xyz[i, 1] - xyz[j, 1], xyz[i, 2] - xyz[j, 2]
-    return dx * dx + dy * dy + dz * dz
+    return float(dx * dx + dy * dy + dz * dz)
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _core_points(
     xyz: Float32Array, cells: IntArray, starts: IntArray, nz: int, eps_m: float, enough: int
 ) -> NDArray[np.bool_]:
@@ -47,7 +51,7 @@ def _core_points(
     return core
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _connected(
     xyz: Float32Array, cells: IntArray, starts: IntArray, nz: int, eps_m: float, enough: int
 ) -> IntArray:
@@ -57,7 +61,9 @@ def _connected(
     parents = np.arange(len(xyz))
     core_of = np.full(len(xyz), -1)
     nearest = np.full(len(xyz), eps_m * eps_m)
-    for i in np.flatnonzero(core):
+    for i in range(len(xyz)):
+        if not core[i]:
+            continue
         ix, iz = cells[i] // nz, cells[i] % nz
         for jx in range(max(ix - 1, 0), min(ix + 2, nx)):
             first = starts[jx * nz + max(iz - 1, 0)]
@@ -73,7 +79,7 @@ def _connected(
                         nearest[j], core_of[j] = square, i
     labels = np.full(len(xyz), -1)
     for i in range(len(xyz)):
-        anchor = i if core[i] else core_of[i]
+        anchor: Index = i if core[i] else core_of[i]
         if anchor >= 0:
             labels[i] = _root(parents, anchor)
     return labels

@@ -190,15 +190,17 @@ def _asked(chunk: _Chunk, frame: Frame, xyz: Float32Array) -> IntArray:
     if ground is None:
         return np.empty(0, np.int64)
     sensor = frame.sensor_matrix[:3, 3].astype(np.float32)
-    near = ((xyz - sensor) ** 2).sum(axis=1) <= np.float32(chunk.settings.reach_m**2)
-    return np.flatnonzero(near & ~decode_matching(ground, len(xyz)))
+    asked = np.flatnonzero(~decode_matching(ground, len(xyz)))
+    offsets = xyz[asked] - sensor
+    squares = np.einsum("ij,ij->i", offsets, offsets)
+    return np.asarray(asked[squares <= np.float32(chunk.settings.reach_m**2)])
 
 
 def _votes(chunk: _Chunk, index: int, sweep: _Sweep, sweeps: dict[int, _Sweep | str]) -> ImageArray:
     """Return (3, N) votes on all points of a frame of the window."""
     settings, frame = chunk.settings, chunk.window[index].frame
-    xyz = np.ascontiguousarray(sweep.xyz[sweep.asked])
-    counted = np.zeros((3, len(xyz)), np.uint8)
+    points = np.ascontiguousarray(sweep.xyz[sweep.asked].T)
+    counted = np.zeros((3, len(sweep.asked)), np.uint8)
     for offset in settings.offsets_frames:
         for other in (index - offset, index + offset):
             asked = sweeps.get(other)
@@ -209,7 +211,7 @@ def _votes(chunk: _Chunk, index: int, sweep: _Sweep, sweeps: dict[int, _Sweep | 
                 continue
             add_votes(
                 counted,
-                xyz,
+                points,
                 asked.image,
                 asked.grid,
                 chunk.poses.a_T_b(number, frame),

@@ -44,6 +44,7 @@ class Settings:
 
     Attributes:
         sensor_height_m: LiDAR above the road.
+        ground_margin_m: LiDAR: points this near the local ground level are ground too.
         cell_m: side of the cells that hold the local ground level.
         reach_m: half side of the square of cells.
         height_step_m: heights are rounded to multiples of this, a power of two.
@@ -57,6 +58,7 @@ class Settings:
     """
 
     sensor_height_m: float = 1.73
+    ground_margin_m: float = 0.1
     cell_m: float = 2.0
     reach_m: float = 80.0
     height_step_m: float = 0.0078125
@@ -93,6 +95,7 @@ def _scaled(settings: Settings, metric_scale: float) -> Settings:
     return replace(
         settings,
         sensor_height_m=settings.sensor_height_m * metric_scale,
+        ground_margin_m=settings.ground_margin_m * metric_scale,
         cell_m=settings.cell_m * metric_scale,
         reach_m=settings.reach_m * metric_scale,
         height_step_m=2.0 ** np.floor(np.log2(settings.height_step_m * metric_scale)),
@@ -135,7 +138,8 @@ def measure(
     heights = heights_above_cells(
         cloud.xyz, ground, cell_m=settings.cell_m, reach_m=settings.reach_m
     )
-    return ground, heights
+    # Patchwork++ rejects whole patches where an object stands in one: the road there is ground.
+    return ground | (np.abs(heights) <= settings.ground_margin_m), heights
 
 
 def patchwork_ground(

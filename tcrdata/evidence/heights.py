@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _cell_sums(
     xyz: Float32Array, ground: BoolArray, cell_m: float, half: int
 ) -> tuple[FloatArray, FloatArray]:
@@ -27,7 +27,7 @@ def _cell_sums(
     return sums, counts
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _heights(xyz: Float32Array, ground_y: FloatArray, cell_m: float) -> Float32Array:
     """Return (N,) heights over the cells' levels, interpolated between cell centres."""
     result = np.empty(len(xyz), np.float32)

@@ -13,12 +13,16 @@ from tcrdata.types import Float32Array, FloatArray
 class LidarPath:
     """Registers sweeps to the map of those before; constant velocity predicts the next."""
 
-    def __init__(self, *, furthest_m: float, voxel_m: float) -> None:
+    def __init__(
+        self, *, furthest_m: float, voxel_m: float, voxel_points: int, convergence: float
+    ) -> None:
         """Start with an empty map.
 
         Args:
             furthest_m: the map keeps what is this near.
             voxel_m: side of the map's voxels.
+            voxel_points: most points a voxel keeps.
+            convergence: registration ends with a smaller step (m, rad).
         """
         from kiss_icp.config import KISSConfig
         from kiss_icp.kiss_icp import KissICP
@@ -28,6 +32,8 @@ class LidarPath:
         config.data.min_range = 0.0
         config.data.max_range = furthest_m
         config.mapping.voxel_size = voxel_m
+        config.mapping.max_points_per_voxel = voxel_points
+        config.registration.convergence_criterion = convergence
         # Threads would add up in another order on every run.
         config.registration.max_num_threads = 1
         self._odometry: Any = KissICP(config)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from tcrdata.evidence.kernels import compiled
 from tcrdata.evidence.range_images import RangeGrid, RangeImage, locate
 from tcrdata.geometry.boxes import box_corners_bev
 from tcrdata.types import Float32Array, FloatArray
@@ -14,7 +14,7 @@ _ALONG = (np.arange(12) + 0.5) / 12
 _UP = (np.arange(4) + 0.5) / 4
 
 
-@numba.njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@compiled
 def _count_hidden(
     points: Float32Array,
     nearest: Float32Array,

@@ -49,6 +49,8 @@ class Settings:
         nearest_m: LiDAR: nearer points are not used (the vehicle itself).
         furthest_m: LiDAR: farther points are not used.
         voxel_m: LiDAR: side of the map's voxels.
+        voxel_points: LiDAR: most points a voxel of the map keeps.
+        convergence: LiDAR: registration ends with a smaller step (m, rad).
         depth_voxel_m: depth: frames are thinned to one point a voxel.
         depth_gate_m: depth: points farther from the keyframe do not count.
         depth_residual_share: depth: a camera that stood still may leave this much more residual
@@ -65,6 +67,8 @@ class Settings:
     nearest_m: float = 3.5
     furthest_m: float = 80.0
     voxel_m: float = 1.0
+    voxel_points: int = 10
+    convergence: float = 0.0005
     depth_voxel_m: float = 0.3
     depth_gate_m: float = 1.0
     depth_residual_share: float = 0.05
@@ -174,7 +178,12 @@ def _estimate(
 def _new_path(direction: _Direction) -> LidarPath | DepthPath:
     settings = direction.settings
     if direction.sensor == "lidar":
-        return LidarPath(furthest_m=settings.furthest_m, voxel_m=settings.voxel_m)
+        return LidarPath(
+            furthest_m=settings.furthest_m,
+            voxel_m=settings.voxel_m,
+            voxel_points=settings.voxel_points,
+            convergence=settings.convergence,
+        )
     return DepthPath(
         voxel_m=settings.depth_voxel_m,
         gate_m=settings.depth_gate_m,
@@ -191,12 +200,13 @@ def _usable(direction: _Direction, frame: Frame, cloud: PointCloud) -> Float32Ar
     if direction.sensor == "depth":
         return cloud.xyz
     settings = direction.settings
-    sensor = frame.sensor_matrix[:3, 3].astype(np.float32)
-    squares = ((cloud.xyz - sensor) ** 2).sum(axis=1)
-    kept = (squares >= settings.nearest_m**2) & (squares <= settings.furthest_m**2)
+    xyz = cloud.xyz
     if frame.frame in direction.ground:
-        kept &= ~decode_matching(direction.ground[frame.frame], len(cloud))
-    return np.asarray(cloud.xyz[kept])
+        xyz = xyz[~decode_matching(direction.ground[frame.frame], len(cloud))]
+    offsets = xyz - frame.sensor_matrix[:3, 3].astype(np.float32)
+    squares = np.einsum("ij,ij->i", offsets, offsets)
+    kept = (squares >= settings.nearest_m**2) & (squares <= settings.furthest_m**2)
+    return np.asarray(xyz[kept])
 
 
 def _links(
