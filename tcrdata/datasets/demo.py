@@ -53,7 +53,7 @@ class DemoSpec:
         noise_m: standard deviation of the depth.
     """
 
-    seed: int = 0
+    seed: int = 1
     frames: int = 50
     sequences: int = 1
     noise_m: float = 0.01

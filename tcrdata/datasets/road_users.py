@@ -106,7 +106,8 @@ def make_car(
     shift = -0.06 * length
     half = 0.27 * length
     parts = [
-        _block((0.0, 0.0, sill), (length, width, belt), paint, height),
+        # The wheels stand out a little, or their sides would lie in the body's.
+        _block((0.0, 0.0, sill), (length, width - 0.03, belt), paint, height),
         _block((shift, 0.0, belt), (2 * half, 0.88 * width, roof), GLASS, height),
         _block((shift, 0.0, roof), (1.84 * half, 0.86 * width, height), paint, height),
     ]
