@@ -10,7 +10,7 @@ set variable min_alignment_frames = 5;  -- frames: a shorter look ahead says lit
 select p.proposal_id, e.alignment_share as value,
        getvariable('min_alignment_share')::double as bound,
        case when e.alignment_frames >= getvariable('min_alignment_frames')
-            then e.alignment_share >= getvariable('min_alignment_share') end as passed
+            then value >= bound end as passed
 from proposals p
 left join egomotions e
     on e.dataset = p.dataset and e.sequence = p.sequence and e.frame = p.frame

@@ -7,7 +7,5 @@ set variable min_core_share = 0.5;  -- share: points seen through by >= 2 sweeps
 
 select p.proposal_id, coalesce(p.track_core_share, p.core_share) as value,
        getvariable('min_core_share')::double as bound,
-       case when p.source <> 'static'
-            then coalesce(p.track_core_share, p.core_share) >= getvariable('min_core_share')
-            end as passed
+       case when p.source <> 'static' then value >= bound end as passed
 from proposals p

@@ -8,7 +8,7 @@ set variable egomotion_method = 'odometry';  -- estimator: odometry or flow_rans
 
 select p.proposal_id, e.cycle_error_m as value,
        (getvariable('max_cycle_error_m') * p.metric_scale)::double as bound,
-       e.cycle_error_m <= getvariable('max_cycle_error_m') * p.metric_scale as passed
+       value <= bound as passed
 from proposals p
 left join egomotions e
     on e.dataset = p.dataset and e.sequence = p.sequence and e.frame = p.frame

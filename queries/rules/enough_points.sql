@@ -6,6 +6,5 @@ set variable min_points = 8;  -- points: of the region
 
 select p.proposal_id, p.number_of_points::double as value,
        getvariable('min_points')::double as bound,
-       case when p.found = 'observed' then p.number_of_points >= getvariable('min_points') end
-           as passed
+       case when p.found = 'observed' then value >= bound end as passed
 from proposals p

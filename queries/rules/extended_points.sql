@@ -7,6 +7,5 @@ set variable min_points_extended = 12;  -- points: inside the box
 
 select p.proposal_id, p.number_of_points::double as value,
        getvariable('min_points_extended')::double as bound,
-       case when p.found = 'extended'
-            then p.number_of_points >= getvariable('min_points_extended') end as passed
+       case when p.found = 'extended' then value >= bound end as passed
 from proposals p

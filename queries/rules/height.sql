@@ -5,11 +5,11 @@
 set variable min_height_m = 0.4;  -- m: height of the track's box, else of the box
 set variable max_height_m = 4.5;  -- m: height of the track's box, else of the box
 
-select p.proposal_id, h.height_m as value,
-       (case when h.height_m < (getvariable('min_height_m') + getvariable('max_height_m')) / 2
-                               * p.metric_scale
+select p.proposal_id, coalesce(p.track_height_m, p.height_m) as value,
+       (case when value < p.metric_scale
+                  * (getvariable('min_height_m') + getvariable('max_height_m')) / 2
              then getvariable('min_height_m') else getvariable('max_height_m') end
         * p.metric_scale)::double as bound,
-       h.height_m between getvariable('min_height_m') * p.metric_scale
+       value between getvariable('min_height_m') * p.metric_scale
                       and getvariable('max_height_m') * p.metric_scale as passed
-from proposals p, lateral (select coalesce(p.track_height_m, p.height_m) as height_m) h
+from proposals p

@@ -4,7 +4,6 @@
 -- cues: regions_release
 set variable max_speck_px = 4;  -- px: up to so many pixels the region counts as a speck
 
-select p.proposal_id, p.projected_px::double as value,
-       getvariable('max_speck_px')::double as bound,
-       p.projected_px > getvariable('max_speck_px') as passed
+select p.proposal_id, p.projected_px::double as value, getvariable('max_speck_px')::double as bound,
+       value > bound as passed
 from proposals p

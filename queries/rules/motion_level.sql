@@ -4,7 +4,6 @@
 -- cues: regions_paper
 set variable motion_level_m = 0.4;  -- m: the lowest level above RANSAC's inlier radius of 0.25 m
 
-select p.proposal_id, p.motion_threshold_m as value,
-       getvariable('motion_level_m')::double as bound,
-       abs(p.motion_threshold_m - getvariable('motion_level_m')) < 1e-9 as passed
+select p.proposal_id, p.motion_threshold_m as value, getvariable('motion_level_m')::double as bound,
+       abs(value - bound) < 1e-9 as passed
 from proposals p

@@ -4,7 +4,6 @@
 -- cues: tracks
 set variable max_overlapped_share = 0.5;  -- share: of the footprint that a surer track covers
 
-select p.proposal_id, p.overlapped_share as value,
-       getvariable('max_overlapped_share')::double as bound,
-       p.overlapped_share < getvariable('max_overlapped_share') as passed
+select p.proposal_id, p.overlapped_share as value, getvariable('max_overlapped_share')::double as bound,
+       value < bound as passed
 from proposals p

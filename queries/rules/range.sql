@@ -6,5 +6,5 @@ set variable min_range_m = 4;  -- m: horizontal distance from the sensor to the 
 
 select p.proposal_id, p.range_m as value,
        (getvariable('min_range_m') * p.metric_scale)::double as bound,
-       p.range_m > getvariable('min_range_m') * p.metric_scale as passed
+       value > bound as passed
 from proposals p

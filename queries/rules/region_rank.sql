@@ -5,5 +5,5 @@
 set variable max_regions = 16;  -- regions: kept a frame, largest first
 
 select p.proposal_id, p.size_rank::double as value, getvariable('max_regions')::double as bound,
-       p.size_rank <= getvariable('max_regions') as passed
+       value <= bound as passed
 from proposals p

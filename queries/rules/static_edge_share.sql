@@ -6,5 +6,5 @@
 set variable min_edge_share = 0.5;  -- share: points within 0.3 m * metric_scale of a side, from above
 
 select p.proposal_id, p.edge_share as value, getvariable('min_edge_share')::double as bound,
-       case when p.source = 'static' then p.edge_share >= getvariable('min_edge_share') end as passed
+       case when p.source = 'static' then value >= bound end as passed
 from proposals p

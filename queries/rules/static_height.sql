@@ -7,11 +7,11 @@ set variable min_static_height_m = 1.2;  -- m: smallest height of a vehicle
 set variable max_static_height_m = 2.5;  -- m: largest height of a vehicle
 
 select p.proposal_id, p.height_m as value,
-       (case when p.height_m < (getvariable('min_static_height_m') + getvariable('max_static_height_m')) / 2
-                              * p.metric_scale
+       (case when value < p.metric_scale
+                  * (getvariable('min_static_height_m') + getvariable('max_static_height_m')) / 2
              then getvariable('min_static_height_m') else getvariable('max_static_height_m') end
         * p.metric_scale)::double as bound,
        case when p.source = 'static'
-            then p.height_m between getvariable('min_static_height_m') * p.metric_scale
-                            and getvariable('max_static_height_m') * p.metric_scale end as passed
+            then value between getvariable('min_static_height_m') * p.metric_scale
+                               and getvariable('max_static_height_m') * p.metric_scale end as passed
 from proposals p

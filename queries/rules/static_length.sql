@@ -7,11 +7,11 @@ set variable min_static_length_m = 2.8;  -- m: smallest length of a vehicle
 set variable max_static_length_m = 6.0;  -- m: largest length of a vehicle
 
 select p.proposal_id, p.length_m as value,
-       (case when p.length_m < (getvariable('min_static_length_m') + getvariable('max_static_length_m')) / 2
-                              * p.metric_scale
+       (case when value < p.metric_scale
+                  * (getvariable('min_static_length_m') + getvariable('max_static_length_m')) / 2
              then getvariable('min_static_length_m') else getvariable('max_static_length_m') end
         * p.metric_scale)::double as bound,
        case when p.source = 'static'
-            then p.length_m between getvariable('min_static_length_m') * p.metric_scale
-                            and getvariable('max_static_length_m') * p.metric_scale end as passed
+            then value between getvariable('min_static_length_m') * p.metric_scale
+                               and getvariable('max_static_length_m') * p.metric_scale end as passed
 from proposals p

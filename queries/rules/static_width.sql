@@ -7,11 +7,11 @@ set variable min_static_width_m = 1.0;  -- m: smallest width of a vehicle
 set variable max_static_width_m = 2.3;  -- m: largest width of a vehicle
 
 select p.proposal_id, p.width_m as value,
-       (case when p.width_m < (getvariable('min_static_width_m') + getvariable('max_static_width_m')) / 2
-                              * p.metric_scale
+       (case when value < p.metric_scale
+                  * (getvariable('min_static_width_m') + getvariable('max_static_width_m')) / 2
              then getvariable('min_static_width_m') else getvariable('max_static_width_m') end
         * p.metric_scale)::double as bound,
        case when p.source = 'static'
-            then p.width_m between getvariable('min_static_width_m') * p.metric_scale
-                            and getvariable('max_static_width_m') * p.metric_scale end as passed
+            then value between getvariable('min_static_width_m') * p.metric_scale
+                               and getvariable('max_static_width_m') * p.metric_scale end as passed
 from proposals p

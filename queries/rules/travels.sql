@@ -14,17 +14,15 @@ set variable min_straightness_long = 0.6;  -- ratio: travel over path length, ab
 set variable min_travel_cut_m = 1.0;  -- m: for a track at the first or last frame of the clip
 set variable min_age_cut_frames = 3;  -- frames: a track at the clip's end must have been observed in
 
-select p.proposal_id, p.travel_m as value, (b.bound * p.metric_scale)::double as bound,
-       case when p.source = 'track' then p.travel_m >= b.bound * p.metric_scale end as passed
-from proposals p,
-lateral (
-    select case
-        when p.straightness <= getvariable('min_straightness') then 'infinity'::double
-        when p.at_clip_edge and p.age_frames >= getvariable('min_age_cut_frames')
-            then getvariable('min_travel_cut_m')
-        when p.age_frames >= getvariable('min_age_long_frames')
-             and p.straightness > getvariable('min_straightness_long')
-            then getvariable('min_travel_long_m')
-        when p.age_frames >= getvariable('min_age_frames') then getvariable('min_travel_m')
-        else 'infinity'::double end::double as bound
-) b
+select p.proposal_id, p.travel_m as value,
+       p.metric_scale * (case
+           when p.straightness <= getvariable('min_straightness') then 'infinity'::double
+           when p.at_clip_edge and p.age_frames >= getvariable('min_age_cut_frames')
+               then getvariable('min_travel_cut_m')
+           when p.age_frames >= getvariable('min_age_long_frames')
+                and p.straightness > getvariable('min_straightness_long')
+               then getvariable('min_travel_long_m')
+           when p.age_frames >= getvariable('min_age_frames') then getvariable('min_travel_m')
+           else 'infinity'::double end)::double as bound,
+       case when p.source = 'track' then value >= bound end as passed
+from proposals p

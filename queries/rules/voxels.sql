@@ -6,5 +6,5 @@
 set variable min_voxels = 128;  -- voxels: of both A and B
 
 select p.proposal_id, p.voxels_a::double as value, getvariable('min_voxels')::double as bound,
-       p.voxels_a >= getvariable('min_voxels') as passed
+       value >= bound as passed
 from proposals p

@@ -39,11 +39,13 @@ class Reads:
         tables: evidence tables, sorted.
         columns: columns of `proposals`, in the order of the schema.
         passes_id: `proposal_id` is handed on as the first column and not used otherwise.
+        row_by_row: by its form the select gives one row for each row of `proposals`.
     """
 
     tables: tuple[str, ...]
     columns: tuple[str, ...]
     passes_id: bool
+    row_by_row: bool
 
 
 class Binder:
@@ -99,7 +101,8 @@ class Binder:
         tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
         known = [name for name, _, _ in schemas.columns("proposals")]
         read = {*KEY_COLUMNS, *(known if tree.star else tree.words)}
-        return Reads(tables, tuple(name for name in known if name in read), tree.passes_id)
+        columns = tuple(name for name in known if name in read)
+        return Reads(tables, columns, tree.passes_id, tree.row_by_row)
 
     def _describe(self, file: SqlFile, select: str) -> list[tuple[str, str]]:
         """Names and types of the columns the select gives."""
@@ -168,7 +171,7 @@ class _Tree:
 
     def __init__(self, tree: Any) -> None:
         self._nodes = list(_dictionaries(tree))
-        self._first = tree["statements"][0]["node"].get("select_list", [{}])[0]
+        self._node = tree["statements"][0]["node"]
 
     @cached_property
     def tables(self) -> list[str]:
@@ -196,7 +199,16 @@ class _Tree:
         names = [w for n in self._nodes for w in n.get("column_names", [])]
         names += [w for n in self._nodes for w in n.get("using_columns", [])]
         once = names.count("proposal_id") == 1 and not self.star
-        return once and self._first.get("column_names", [])[-1:] == ["proposal_id"]
+        first = self._node.get("select_list", [{}])[0]
+        return once and first.get("column_names", [])[-1:] == ["proposal_id"]
+
+    @property
+    def row_by_row(self) -> bool:
+        """Whether it is a plain `select ... from proposals` that drops and adds no row."""
+        clauses = ("where_clause", "group_expressions", "having", "qualify", "sample", "modifiers")
+        plain = self._node.get("from_table", {}).get("type") == "BASE_TABLE"
+        unnests = {"unnest", "unlist", "generate_subscripts"} & set(self.functions)
+        return plain and not unnests and not any(self._node.get(clause) for clause in clauses)
 
     @cached_property
     def words(self) -> set[str]:

@@ -52,12 +52,12 @@ def judge(
             twice, a state or a score that there is not, or SQL fails on the rows.
     """
     columns = ", ".join(_columns(preset))
-    everything = f"(select {columns}, 0::bigint as carried from {relations['proposals']})"
-    judged = left = _count(connection, everything)
-    for number, rule in enumerate(preset.rules):
+    before = f"(select {columns}, 0::bigint as carried from {relations['proposals']})"
+    judged = left = _count(connection, before)
+    for run in _runs(preset):
         if left:
-            before = "survivors" if number else everything
-            left = _keep_survivors(connection, rule, number, before, left, relations)
+            left = _keep_survivors(connection, run, before, left, relations)
+            before = "survivors"
     if left:
         _choose(connection, preset, relations)
     labels = _labels(connection, preset, relations) if left else _no_labels()
@@ -74,35 +74,61 @@ def _columns(preset: FilledPreset) -> list[str]:
     return [name for name, *_ in schemas.columns("proposals") if name in {"source", *read}]
 
 
+def _runs(preset: FilledPreset) -> list[list[tuple[int, FilledRule]]]:
+    """Numbered rules in order; those that go row by row are run in one statement with the last."""
+    runs: list[list[tuple[int, FilledRule]]] = []
+    streams = False
+    for numbered in enumerate(preset.rules):
+        goes_on, streams = streams, _streams(numbered[1])
+        if goes_on and streams:
+            runs[-1].append(numbered)
+        else:
+            runs.append([numbered])
+    return runs
+
+
+def _streams(rule: FilledRule) -> bool:
+    """Whether a proposal's row goes in and comes out, so that there is nothing to check."""
+    return rule.reads.passes_id and rule.reads.row_by_row
+
+
 def _keep_survivors(
     connection: duckdb.DuckDBPyConnection,
-    rule: FilledRule,
-    number: int,
+    run: list[tuple[int, FilledRule]],
     before: str,
     rows_before: int,
     relations: Relations,
 ) -> int:
-    """Replace the survivors by those that this rule lets pass; return how many."""
-    what = f"rule {rule.name}"
-    judge_rows = _with_rows if rule.reads.passes_id else _joined
-    verdicts = judge_rows(rule, before, relations)
-    rows = _run(connection, f"select count(*) from ({verdicts})", what).fetchall()[0][0]
-    if rows != rows_before:
-        raise RuleError(
-            f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
-            "use a left join on keys that match one row"
+    """Replace the survivors by those that these rules let pass; return how many."""
+    what = "rule " + " or ".join(rule.name for _, rule in run)
+    passing = before
+    for number, rule in run:
+        judge_rows = _with_rows if rule.reads.passes_id else _joined
+        verdicts = judge_rows(rule, passing, relations)
+        if not _streams(rule):
+            _check_rows(connection, verdicts, what, rows_before)
+        passed = "passed" if rule.required else "passed is not false"
+        carried = f"kept.carried | case when passed then {1 << number} else 0 end"
+        passing = (
+            f"(select kept.* exclude (carried), {carried} as carried "
+            f"from ({verdicts}) where {passed})"
         )
-    passed = "passed" if rule.required else "passed is not false"
-    carried = f"kept.carried | case when passed then {1 << number} else 0 end"
-    _run(
-        connection,
-        f"create or replace temp table remaining as select kept.* exclude (carried), "
-        f"{carried} as carried from ({verdicts}) where {passed}",
-        what,
-    )
+    _run(connection, f"create or replace temp table remaining as from {passing}", what)
     connection.execute("drop table if exists survivors")
     connection.execute("alter table remaining rename to survivors")
     return _count(connection, "survivors")
+
+
+def _check_rows(
+    connection: duckdb.DuckDBPyConnection, verdicts: str, what: str, before: int
+) -> None:
+    """A rule gives as many rows as there are proposals."""
+    rows = _run(connection, f"select count(*) from ({verdicts})", what).fetchall()[0][0]
+    if rows != before:
+        raise RuleError(
+            f"{what} gives {rows} rows for {before} proposals; it must give one row each: "
+            "use a left join on keys that match one row"
+        )
 
 
 def _with_rows(rule: FilledRule, before: str, relations: Relations) -> str:
