@@ -9,10 +9,16 @@ from tcrdata.types import FloatArray
 
 
 def transform_points(a_T_b: ArrayLike, points_b: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return (N, 3) points in frame a, in the dtype of the points."""
-    matrix = np.asarray(a_T_b, dtype=np.float64)
-    moved = points_b @ matrix[:3, :3].T.astype(points_b.dtype)
-    result: NDArray[np.floating] = moved + matrix[:3, 3].astype(points_b.dtype)
+    """Return (N, 3) points in frame a, in the dtype of the points.
+
+    Sums in a fixed order, without a matrix product: its bits could depend on the threads.
+    """
+    matrix = np.asarray(a_T_b, dtype=np.float64).astype(points_b.dtype)
+    x, y, z = points_b[:, 0], points_b[:, 1], points_b[:, 2]
+    result: NDArray[np.floating] = np.empty((len(points_b), 3), dtype=points_b.dtype)
+    for axis in range(3):
+        a, b, c, shift = matrix[axis]
+        result[:, axis] = a * x + b * y + c * z + shift
     return result
 
 
