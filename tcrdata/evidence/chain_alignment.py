@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from tcrdata.errors import FrameError, MissingEvidenceError
 from tcrdata.evidence.alignment import share_with_neighbour
 from tcrdata.evidence.chunks import chunked
+from tcrdata.evidence.point_flow import moved
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, read_encoded
 from tcrdata.evidence.poses import Poses
-from tcrdata.geometry.transforms import transform_points
 from tcrdata.types import CueInput, Dataset, Float32Array, Frame
 
 
@@ -124,8 +126,8 @@ def _share(task: _Task, item: _Item, kept: dict[int, Float32Array]) -> float | N
     xyz = kept[item.frame.frame]
     stride = max(-(-len(xyz) // task.points), 1)
     carry = task.poses.a_T_b(item.later.frame, item.frame.frame)
-    moved = transform_points(carry, xyz[::stride])
-    return share_with_neighbour(moved, kept[item.later.frame], task.radius_m)
+    carried = moved(np.ascontiguousarray(xyz[::stride]), carry)
+    return share_with_neighbour(carried, kept[item.later.frame], task.radius_m)
 
 
 def _objects(task: _Task, frame: Frame) -> Float32Array:

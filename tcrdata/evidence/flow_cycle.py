@@ -10,19 +10,15 @@ Source: Harley et al., "Track, Check, Repeat" (CVPR 2021), eq. 4 and 5, and its 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array
 
 PAPER_BIT = 1
 RELEASE_BIT = 2
-
-_Function = TypeVar("_Function", bound=Callable[..., object])
-_compiled: Callable[[_Function], _Function] = numba.njit(cache=True)
 
 
 class Cycle(NamedTuple):
@@ -39,7 +35,7 @@ class Cycle(NamedTuple):
     release: BoolArray
 
 
-@_compiled
+@compiled
 def _measure(
     flow: Float32Array, back: Float32Array, share: float, slack: float
 ) -> tuple[Float32Array, BoolArray, BoolArray]:
@@ -67,7 +63,7 @@ def _measure(
     return error, paper, release
 
 
-@_compiled
+@compiled
 def reached(flow: Float32Array) -> BoolArray:
     """Return (H, W): pixels of the other frame that are a corner of where some flow ends."""
     height, width = flow.shape[0], flow.shape[1]
@@ -83,7 +79,7 @@ def reached(flow: Float32Array) -> BoolArray:
     return mask
 
 
-@_compiled
+@compiled
 def _and_at_end(flow: Float32Array, mask: BoolArray, other: BoolArray) -> BoolArray:
     """Return `mask(p) and other(p + w(p))`, the end rounded to a pixel."""
     height, width = mask.shape

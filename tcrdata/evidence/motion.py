@@ -19,10 +19,16 @@ import numpy as np
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
-from tcrdata.evidence.point_flow import PixelIndex, ends, pixel_index, projection_of, rigid_flow
+from tcrdata.evidence.point_flow import (
+    PixelIndex,
+    ends,
+    moved,
+    pixel_index,
+    projection_of,
+    rigid_flow,
+)
 from tcrdata.evidence.point_rows import EncodedPoints, encoded, error_rows, point_rows
 from tcrdata.evidence.stored_flow import Pair, StoredFlow, image_pairs, read_flow
-from tcrdata.geometry.transforms import transform_points
 from tcrdata.types import CueInput, Dataset, Float32Array, FloatArray, IntArray, Rows
 
 NEEDS: tuple[str, ...] = ("flow", "flow_ransac")
@@ -108,8 +114,8 @@ def stabilised(
         ego_flow: (M, 2) px, what the egomotion alone would give.
         to_T_from: (4, 4), this frame to the next.
     """
-    moved = transform_points(to_T_from, start.xyz[start.points].astype(np.float64))
-    apart = np.linalg.norm(end.xyz[found] - moved, axis=1)
+    carried = moved(start.xyz[start.points], to_T_from)
+    apart = np.linalg.norm(end.xyz[found] - carried, axis=1)
     measured = flow[start.rows, start.columns].astype(np.float64)
     lengths = np.hypot(*measured.T) * np.hypot(*ego_flow.T)
     dot = (measured * ego_flow).sum(axis=1)

@@ -9,13 +9,48 @@ Source: Harley et al., "Track, Check, Repeat" (CVPR 2021), section 3.2.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.errors import FrameError
-from tcrdata.geometry.transforms import level_project, transform_points
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import Dataset, Float32Array, FloatArray, Frame, IntArray, PointCloud
+
+
+@compiled
+def project(
+    xyz: NDArray[np.floating[Any]], projection: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Project (N, 3) level points, in one thread, so that bits do not depend on their number.
+
+    Returns:
+        (N, 2) pixels (column, row), NaN behind the camera, and (N,) depths in metres.
+    """
+    pixels = np.full((len(xyz), 2), np.nan)
+    depths = np.empty(len(xyz))
+    p = projection
+    for i in range(len(xyz)):
+        x, y, z = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
+        depth = p[2, 0] * x + p[2, 1] * y + p[2, 2] * z + p[2, 3]
+        depths[i] = depth
+        if depth > 0:
+            pixels[i, 0] = (p[0, 0] * x + p[0, 1] * y + p[0, 2] * z + p[0, 3]) / depth
+            pixels[i, 1] = (p[1, 0] * x + p[1, 1] * y + p[1, 2] * z + p[1, 3]) / depth
+    return pixels, depths
+
+
+@compiled
+def moved(xyz: NDArray[np.floating[Any]], to_T_from: FloatArray) -> FloatArray:
+    """Carry (N, 3) points by a (4, 4) motion, in one thread, for the same reason."""
+    result = np.empty((len(xyz), 3))
+    m = to_T_from
+    for i in range(len(xyz)):
+        x, y, z = float(xyz[i, 0]), float(xyz[i, 1]), float(xyz[i, 2])
+        for j in range(3):
+            result[i, j] = m[j, 0] * x + m[j, 1] * y + m[j, 2] * z + m[j, 3]
+    return result
 
 
 @dataclass(frozen=True)
@@ -66,7 +101,7 @@ def nearest_pixels(
         points: which points; all by default.
     """
     chosen: IntArray | slice = slice(None) if points is None else points
-    uv, depth = level_project(projection, cloud.xyz[chosen])
+    uv, depth = project(cloud.xyz[chosen], projection)
     if cloud.pixels is not None:
         return cloud.pixels[chosen].astype(np.int64), depth
     # Far outside the image a pixel may not fit an integer: any negative one will do.
@@ -126,6 +161,6 @@ def rigid_flow(
 
     NaN where a point is, or ends, behind the camera.
     """
-    before, _ = level_project(projection, points)
-    after, _ = level_project(projection_to, transform_points(to_T_from, points))
+    before, _ = project(points, projection)
+    after, _ = project(moved(points, to_T_from), projection_to)
     return after - before

@@ -21,7 +21,7 @@ import numpy as np
 from tcrdata.evidence import voxels
 from tcrdata.evidence.moving_points import MovingPoints, each_frame
 from tcrdata.evidence.moving_regions import Confidence, Region, region_rows
-from tcrdata.geometry.transforms import level_project
+from tcrdata.evidence.point_flow import project
 from tcrdata.types import CueInput, IntArray, Rows
 
 NEEDS: tuple[str, ...] = ("flow", "ground", "motion")
@@ -124,7 +124,7 @@ def _measured(points: MovingPoints, found: Cut, rank: int, voxel_m: float) -> di
 
 def _projected(points: MovingPoints, centers: np.ndarray) -> tuple[float, int]:
     """Return the smaller side and the number of the pixels that voxel centres project to."""
-    uv, _ = level_project(points.projection, centers)
+    uv, _ = project(centers, points.projection)
     pixels = np.floor(uv[np.isfinite(uv).all(axis=1)] + 0.5)
     width, height = points.size_px
     pixels = pixels[((pixels >= 0) & (pixels < (width, height))).all(axis=1)]

@@ -6,16 +6,12 @@ and in one order, so that the same input gives the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import BoolArray, FloatArray
-
-_Function = TypeVar("_Function", bound=Callable[..., object])
-_compiled: Callable[[_Function], _Function] = numba.njit(cache=True)
 
 
 class RigidFit(NamedTuple):
@@ -60,7 +56,7 @@ def covariance_rotation(left: FloatArray, right: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("...ji,...kj->...ik", right, left))
 
 
-@_compiled
+@compiled
 def _count_inliers(
     motions: FloatArray, start: FloatArray, end: FloatArray, radius: float
 ) -> FloatArray:
