@@ -85,6 +85,7 @@ def label_row(sequence: str, frame: int, name: str, score: float, **values: Any)
 
 def make_store(name: str, dataset: str = "kitti", **tables: list[dict[str, Any]]) -> Store:
     """A store in memory; labels belong to selection s1, all other rows to their sequence."""
+    judged = ("proposals", "confidences", "egomotions", "frames", "sequences")
     store = open_store(f"memory://{name}", create=True)
     labels = tables.pop("labels", [])
     for sequence in [row["sequence"] for row in tables["sequences"]]:
@@ -92,11 +93,12 @@ def make_store(name: str, dataset: str = "kitti", **tables: list[dict[str, Any]]
             for table, rows in tables.items():
                 own = [row for row in rows if row["sequence"] == sequence]
                 w.append(table, columns_of(own))
+    frozen = store.freeze(None, judged)
     selection = {
         "selection_id": "s1",
         "name": "test",
         "preset": "test",
-        "snapshot": "none",
+        "snapshot": frozen.name,
         "rules": [],
         "rule_texts": [],
         "required": [],

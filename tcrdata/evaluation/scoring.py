@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+import duckdb
 import numpy as np
 
 from tcrdata.errors import MissingEvidenceError
@@ -30,6 +31,7 @@ Subset = Literal["all", "moving"]
 SUBSETS: tuple[Subset, ...] = ("all", "moving")
 METRICS = ("ap_per_frame", "ap_pooled", "precision", "recall")
 ALL = "all"
+_JUDGED = "judged"
 
 _Key = tuple[str, str, Subset, View, bool]
 
@@ -104,12 +106,12 @@ def evaluate(store: Store, selection_id: str, settings: Settings | None = None) 
         settings: the protocol; None for the default one.
 
     Raises:
-        MissingEvidenceError: no built sequence has labelled objects, or none has speeds while
-            moving objects alone are asked for.
+        MissingEvidenceError: there is no such selection, no built sequence has labelled objects,
+            or none has speeds while moving objects alone are asked for.
         SettingsError: a parameter is unknown.
     """
     settings = settings or Settings()
-    connection = store.connect(tables=("labels", "frames", "sequences", "ground_truth"))
+    connection = _connect(store, selection_id)
     try:
         labelled, without_truth = scored_sequences(connection)
         _check(labelled, settings)
@@ -147,6 +149,30 @@ def store_metrics(
         inputs={"selection": record.digest} if record else {},
     ) as writer:
         writer.append("metrics", columns)
+
+
+def _connect(store: Store, selection_id: str) -> duckdb.DuckDBPyConnection:
+    """Connect to the labels, the truth, and the frames that were there when it was selected.
+
+    Frames that were built later have no labels because nobody judged them: they are not misses.
+    """
+    connection = store.connect(
+        tables=("labels", "selections", "frames", "sequences", "ground_truth")
+    )
+    row = connection.execute(
+        "select snapshot from selections where selection_id = ?", [selection_id]
+    ).fetchone()
+    if row is None:
+        connection.close()
+        raise MissingEvidenceError(
+            f"there is no selection '{selection_id}': make one with `tcrdata check`, or list them "
+            'with `tcrdata sql "select selection_id, name from selections"`'
+        )
+    if row[0] in store.snapshots():
+        store.add_snapshot(connection, row[0], _JUDGED)
+        for table in ("frames", "sequences"):
+            connection.execute(f"create or replace view {table} as from {_JUDGED}.{table}")
+    return connection
 
 
 def _check(labelled: list[ScoredSequence], settings: Settings) -> None:

@@ -75,7 +75,7 @@ def frame_picture(
 
 
 def contact_sheet(pictures: Sequence[bytes], columns: int, gap_px: int = 12) -> bytes:
-    """Put PNGs of one size into rows; returns a PNG.
+    """Put PNGs into rows of equal cells; returns a PNG.
 
     Args:
         pictures: at least one.
@@ -83,7 +83,7 @@ def contact_sheet(pictures: Sequence[bytes], columns: int, gap_px: int = 12) -> 
         gap_px: between them.
     """
     tiles = [png_image(picture) for picture in pictures]
-    height, width = tiles[0].shape[:2]
+    height, width = (max(tile.shape[axis] for tile in tiles) for axis in (0, 1))
     rows = -(-len(tiles) // columns)
     ground = np.array([int(BACKGROUND[i : i + 2], 16) for i in (1, 3, 5)], dtype=np.uint8)
     size = (rows * (height + gap_px) - gap_px, columns * (width + gap_px) - gap_px, 3)
@@ -91,7 +91,7 @@ def contact_sheet(pictures: Sequence[bytes], columns: int, gap_px: int = 12) -> 
     for number, tile in enumerate(tiles):
         top = number // columns * (height + gap_px)
         side = number % columns * (width + gap_px)
-        sheet[top : top + height, side : side + width] = tile[:height, :width]
+        sheet[top : top + tile.shape[0], side : side + tile.shape[1]] = tile
     return png_bytes(sheet)
 
 
@@ -123,8 +123,13 @@ def _layout(
     return shares, height, forward_up
 
 
-def _field_of_view(projection: FloatArray, width_px: int) -> tuple[float, float]:
-    """X / z of the rays through the middle of the image's left and right edge, roughly level."""
+def _field_of_view(projection: FloatArray, width_px: int) -> tuple[float, float] | None:
+    """Slopes x / z of the image's left and right edge; None when the camera looks up or down.
+
+    A tilted camera sees a trapezium of the ground, not a wedge.
+    """
+    if abs(projection[2, 1]) > _LEVEL_SLOPE * abs(projection[2, 2]):
+        return None
     slopes = [
         (u * projection[2, 2] - projection[0, 2]) / (projection[0, 0] - u * projection[2, 0])
         for u in (0, width_px)

@@ -7,11 +7,20 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from label_worlds import box, frame_row, label_row, make_store, sequence_row, truth_row
+from label_worlds import (
+    box,
+    columns_of,
+    frame_row,
+    label_row,
+    make_store,
+    sequence_row,
+    truth_row,
+)
 
 from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.evaluation.protocol import Settings
 from tcrdata.evaluation.scoring import Evaluation, evaluate, store_metrics
+from tcrdata.store import Unit
 
 LEVEL = Settings(ious=(0.5,))
 _names = iter(range(1000))
@@ -174,6 +183,22 @@ def test_missing_truth_and_speeds() -> None:
     still = [truth_row("0000", 0, "a", **box(0, 10)) | {"speed_mps": None}]
     with pytest.raises(MissingEvidenceError, match="no labelled object has a known speed"):
         evaluate(world(still, []), "s1", Settings(moving_only=True))
+
+
+def test_frames_built_after_the_selection_are_not_misses() -> None:
+    truths = [truth_row("0000", f, "a", **box(0, 10)) for f in range(2)]
+    labels = [label_row("0000", 0, "p", 0.9, **box(0, 10))]
+    store = world(truths, labels, frames=[frame_row("0000", 0)])
+    with store.writer(Unit("ingest", "kitti", "0000", 1), settings_hash="1", inputs={}) as writer:
+        writer.append("sequences", columns_of([sequence_row("0000")]))
+        writer.append("frames", columns_of([frame_row("0000", f) for f in range(2)]))
+        writer.append("ground_truth", columns_of(truths))
+    evaluation = evaluate(store, "s1", LEVEL)
+    assert store.read("frames").num_rows == 2
+    assert evaluation.frames == 1
+    assert value(evaluation, "recall") == 1.0
+    with pytest.raises(MissingEvidenceError, match="no selection 's9'"):
+        evaluate(store, "s9")
 
 
 def test_settings_that_make_no_sense() -> None:
