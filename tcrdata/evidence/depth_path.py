@@ -1,9 +1,9 @@
 """The path of a depth camera: each frame is registered to a keyframe (small_gicp, point to plane).
 
 A flat table pins down neither a slide nor a turn on it, and noise alone makes registration wander.
-So the pose of the frame before is a hypothesis as well: when its residual is as good as the
-registration's, the camera has not moved as far as the depth can tell, and the pose stays. All
-poses refer to the keyframe, so that a slow motion adds up until its residual shows it.
+So the pose of the frame before is a hypothesis as well: when as many points agree with it as with
+the registration, the camera has not moved as far as the depth can tell, and the pose stays. All
+poses refer to the keyframe, so that a slow motion adds up until the points show it.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from tcrdata.types import Float32Array, FloatArray
+
+# Distances within three standard deviations, told from their median: 3 / 0.6745.
+_NOISE_FACTOR = 4.45
 
 
 @dataclass(frozen=True)
@@ -37,7 +40,7 @@ class DepthPath:
         *,
         voxel_m: float,
         gate_m: float,
-        residual_share: float,
+        support_share: float,
         overlap_share: float,
     ) -> None:
         """Start without a keyframe.
@@ -45,13 +48,13 @@ class DepthPath:
         Args:
             voxel_m: frames are thinned to one point a voxel.
             gate_m: points farther from the keyframe than this do not count.
-            residual_share: the pose before stays while its residual is at most this share larger
-                than the registration's.
+            support_share: the pose before stays unless the registration has more than this share
+                of the points on its side in addition.
             overlap_share: a new keyframe is made when fewer points than this have a partner.
         """
         self._voxel_m = voxel_m
         self._gate_m = gate_m
-        self._residual_share = residual_share
+        self._support_share = support_share
         self._overlap_share = overlap_share
         self._keyframe: _Keyframe | None = None
         self._keyframe_T_level = np.eye(4)
@@ -74,13 +77,15 @@ class DepthPath:
         key, before = self._keyframe, self._keyframe_T_level
         points = np.asarray(cloud.points())[:, :3]
         registered = self._registered(key, cloud)
-        overlap, residual = self._residual(key, registered, points)
-        _, residual_before = self._residual(key, before, points)
-        if residual_before <= residual * (1.0 + self._residual_share):
-            registered = before
+        gaps, gaps_before = self._gaps(key, registered, points), self._gaps(key, before, points)
+        # Agreement is counted, not averaged: whatever moves by itself must not pull the camera.
+        near_m = _NOISE_FACTOR * float(np.median(gaps))
+        gain = float((gaps <= near_m).mean() - (gaps_before <= near_m).mean())
+        if gain <= self._support_share:
+            registered, gaps = before, gaps_before
         self._keyframe_T_level = registered
         world_T_level = key.world_T_level @ registered
-        if overlap < self._overlap_share:
+        if np.isfinite(gaps).mean() < self._overlap_share:
             self._keyframe = _keyframe(cloud, tree, world_T_level)
             self._keyframe_T_level = np.eye(4)
         return np.asarray(world_T_level)
@@ -96,32 +101,29 @@ class DepthPath:
     def _registered(self, key: _Keyframe, cloud: Any) -> FloatArray:
         import small_gicp
 
-        result = small_gicp.align(
-            key.cloud,
-            cloud,
-            key.tree,
-            init_T_target_source=self._keyframe_T_level,
-            registration_type="PLANE_ICP",
-            max_correspondence_distance=self._gate_m,
-            num_threads=1,
-        )
-        return np.array(result.T_target_source)
+        pose = self._keyframe_T_level
+        for gate_m in (self._gate_m, self._gate_m / 4):
+            pose = small_gicp.align(
+                key.cloud,
+                cloud,
+                key.tree,
+                init_T_target_source=pose,
+                registration_type="PLANE_ICP",
+                max_correspondence_distance=gate_m,
+                num_threads=1,
+            ).T_target_source
+        return np.array(pose)
 
-    def _residual(
-        self, key: _Keyframe, keyframe_T_level: FloatArray, points: FloatArray
-    ) -> tuple[float, float]:
-        """Return the share of points with a partner, and the mean square point-to-plane distance.
-
-        Points without a partner within the gate count as the gate.
-        """
+    def _gaps(self, key: _Keyframe, keyframe_T_level: FloatArray, points: FloatArray) -> FloatArray:
+        """Return (N,) distances to the planes of the keyframe; infinite without one in the gate."""
         moved = points @ keyframe_T_level[:3, :3].T + keyframe_T_level[:3, 3]
         found = key.search.query(moved, distance_upper_bound=self._gate_m)
-        distance, partner = np.asarray(found[0]), np.asarray(found[1])
-        paired = np.isfinite(distance)
-        squares = np.full(len(points), self._gate_m**2)
-        gaps = moved[paired] - key.points[partner[paired]]
-        squares[paired] = (gaps * key.normals[partner[paired]]).sum(axis=1) ** 2
-        return float(paired.mean()), float(squares.mean())
+        partner = np.asarray(found[1])
+        paired = np.isfinite(np.asarray(found[0]))
+        gaps = np.full(len(points), np.inf)
+        offsets = moved[paired] - key.points[partner[paired]]
+        gaps[paired] = np.abs((offsets * key.normals[partner[paired]]).sum(axis=1))
+        return gaps
 
 
 def _keyframe(cloud: Any, tree: Any, world_T_level: FloatArray) -> _Keyframe:

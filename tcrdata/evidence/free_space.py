@@ -40,6 +40,7 @@ from tcrdata.types import (
     IntArray,
     Rows,
     Sensor,
+    SequenceInfo,
 )
 
 NEEDS: tuple[str, ...] = ("ground", "odometry")
@@ -54,9 +55,12 @@ class Settings:
     """How votes are counted; metres are multiplied by the sequence's metric scale.
 
     Attributes:
-        offsets_frames: sweeps asked, this many frames before and after.
+        offsets_frames: sweeps asked, this many frames before and after, at the usual interval.
+        interval_s: the usual time between frames; with frames k times as dense, offsets are k
+            times as long (k rounded, at least 1).
         margin_m: ranges this near are equal.
-        margin_share: and this share of the range on top.
+        margin_share: LiDAR: and this share of the range on top.
+        depth_margin_share: depth: the same; frames taken from nearly one place need less.
         least_far: farther returns in the 3x3 window that make a free vote.
         reach_m: points farther than this from the sensor get no votes.
         azimuth_deg: width of a cell of a LiDAR's range image.
@@ -67,8 +71,10 @@ class Settings:
     """
 
     offsets_frames: tuple[int, ...] = (1, 2, 3, 5, 7, 10, 15, 20)
+    interval_s: float = 0.1
     margin_m: float = 0.3
     margin_share: float = 0.008
+    depth_margin_share: float = 0.002
     least_far: int = 2
     reach_m: float = 80.0
     azimuth_deg: float = LidarCells.azimuth_deg
@@ -104,7 +110,7 @@ class _Sweep:
 
 def run(cue: CueInput) -> Iterator[Rows]:
     """Yield `point_evidence` rows of the cues votes_free, votes_static, votes_occluded (u8)."""
-    settings = _scaled(cue.settings, cue.info.metric_scale)
+    settings = _adapted(cue.settings, cue.info, cue.frames)
     if cue.frames:
         compile_kernels(_grid(cue.frames[0], cue.info.sensor, settings))
     for points, errors in cue.parallel(_vote_chunk, _chunks(cue, settings)):
@@ -112,11 +118,18 @@ def run(cue: CueInput) -> Iterator[Rows]:
         yield from error_rows(errors)
 
 
-def _scaled(settings: Settings, metric_scale: float) -> Settings:
+def _adapted(settings: Settings, info: SequenceInfo, frames: tuple[Frame, ...]) -> Settings:
+    """Return the settings in this sequence's metres and at its frame rate."""
+    steps_ns = np.diff([frame.timestamp_ns for frame in frames])
+    usual_s = float(np.median(steps_ns)) / 1e9 if len(steps_ns) else settings.interval_s
+    density = max(round(settings.interval_s / usual_s), 1) if usual_s > 0 else 1
+    share = settings.margin_share if info.sensor == "lidar" else settings.depth_margin_share
     return replace(
         settings,
-        margin_m=settings.margin_m * metric_scale,
-        reach_m=settings.reach_m * metric_scale,
+        offsets_frames=tuple(offset * density for offset in settings.offsets_frames),
+        margin_m=settings.margin_m * info.metric_scale,
+        margin_share=share,
+        reach_m=settings.reach_m * info.metric_scale,
     )
 
 

@@ -53,8 +53,8 @@ class Settings:
         convergence: LiDAR: registration ends with a smaller step (m, rad).
         depth_voxel_m: depth: frames are thinned to one point a voxel.
         depth_gate_m: depth: points farther from the keyframe do not count.
-        depth_residual_share: depth: a camera that stood still may leave this much more residual
-            than the best registration before a motion is believed.
+        depth_support_share: depth: a motion is believed when this share of the points agrees
+            with it in addition to those that agree with none.
         depth_overlap_share: depth: fewer points with a partner make a new keyframe.
         minimum_points: frames with fewer usable points are passed over.
         gap_s: frames farther apart in time are not linked.
@@ -69,9 +69,9 @@ class Settings:
     voxel_m: float = 1.0
     voxel_points: int = 10
     convergence: float = 0.0005
-    depth_voxel_m: float = 0.3
+    depth_voxel_m: float = 0.5
     depth_gate_m: float = 1.0
-    depth_residual_share: float = 0.05
+    depth_support_share: float = 0.02
     depth_overlap_share: float = 0.7
     minimum_points: int = 10
     gap_s: float = 1.0
@@ -187,7 +187,7 @@ def _new_path(direction: _Direction) -> LidarPath | DepthPath:
     return DepthPath(
         voxel_m=settings.depth_voxel_m,
         gate_m=settings.depth_gate_m,
-        residual_share=settings.depth_residual_share,
+        support_share=settings.depth_support_share,
         overlap_share=settings.depth_overlap_share,
     )
 
