@@ -37,16 +37,17 @@ select 'synthetic/' || $sequence || '/' || lpad((i // 20)::varchar, 6, '0') || '
        'observed' as found, 1.0 as metric_scale, x_m, 1.0 as y_m, z_m, 3.0 + u1 as length_m,
        1.5 + u2 as width_m, 1.2 + u3 as height_m, u4 as yaw_rad, 0.0 as left_px, 0.0 as top_px,
        100.0 as right_px, 50.0 as bottom_px, sqrt(x_m * x_m + z_m * z_m) as range_m,
-       (200 * u1 * u2)::integer as number_of_points, u3 as core_share, 0.2 as motion_threshold_m,
+       (200 * u1 * u2)::integer as number_of_points, u3 as core_share, 0.4 as motion_threshold_m,
        u1 as motion_3d_m, u2 as center_surround_chi2, (300 * u1)::integer as voxels_a,
        (300 * u3)::integer as voxels_b, (9 * u2)::integer as smallest_side_voxels,
-       40 * u1 as smallest_side_px, (1 + 19 * u2)::integer as size_rank, u1 as edge_share,
+       (40 * u1)::integer as projected_px, (1 + 19 * u2)::integer as size_rank, u1 as edge_share,
        (20 * u4)::integer as age_frames, 8 * u2 as travel_m, u4 as straightness,
-       false as at_clip_edge, sqrt(u1) as track_core_share, 1.2 + u3 as track_height_m,
+       false as at_clip_edge, case source when 'static' then 0.15 * u2 else sqrt(u1) end as track_core_share,
+       0.6 * u4 as overlapped_share, 1.2 + u3 as track_height_m,
        (9 * u3 * u3)::integer as frames_from_observation
 from (
     select i, ['track', 'static', 'paper', 'release', 'free_space'][1 + i % 20 // 4] as source,
-           ['track', 'track', 'min_area', 'min_area', 'l_shape'][1 + i % 20 // 4] as fit,
+           ['track', 'l_shape', 'min_area', 'min_area', 'l_shape'][1 + i % 20 // 4] as fit,
            random() as u1, random() as u2, random() as u3, random() as u4,
            40 * random() - 20 as x_m, 40 * random() as z_m
     from range($rows) r(i)
@@ -54,7 +55,7 @@ from (
 """
 _CONFIDENCES = """
 select proposal_id, frame, module, random() as confidence, random() as raw_value, 'share' as unit
-from proposals, (select unnest(['free_space', 'motion_3d', 'motion_2d', 'track']) as module)
+from proposals, (select unnest(['motion_3d', 'motion_2d', 'track', 'shape']) as module)
 where source = $source
 """
 _EGOMOTIONS = """

@@ -1,5 +1,5 @@
--- Our default: tracks of what free space shows to have moved, refined over the whole track and filled
--- where they were hidden.
+-- Our default: tracks of what free space shows to have moved, refined over the whole track and
+-- filled in where they were hidden.
 -- rules: source, travels, core_share, height, range, not_overlapped, near_observation,
 --   extended_points, cycle_error, alignment
 -- required: source

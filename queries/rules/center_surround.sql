@@ -4,6 +4,7 @@
 -- cues: regions_paper
 set variable min_center_surround_chi2 = 0.5;  -- chi-square: 0 = alike; the paper gives no number
 
-select p.proposal_id, p.center_surround_chi2 as value, getvariable('min_center_surround_chi2')::double as bound,
+select p.proposal_id, p.center_surround_chi2 as value,
+       getvariable('min_center_surround_chi2')::double as bound,
        value >= bound as passed
 from proposals p

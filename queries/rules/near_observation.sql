@@ -4,6 +4,7 @@
 -- cues: tracks, static_clusters
 set variable max_frames_from_observation = 5;  -- frames: to the nearest sighting
 
-select p.proposal_id, p.frames_from_observation::double as value, getvariable('max_frames_from_observation')::double as bound,
+select p.proposal_id, p.frames_from_observation::double as value,
+       getvariable('max_frames_from_observation')::double as bound,
        value <= bound as passed
 from proposals p

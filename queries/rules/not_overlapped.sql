@@ -4,6 +4,7 @@
 -- cues: tracks
 set variable max_overlapped_share = 0.5;  -- share: of the footprint that a surer track covers
 
-select p.proposal_id, p.overlapped_share as value, getvariable('max_overlapped_share')::double as bound,
+select p.proposal_id, p.overlapped_share as value,
+       getvariable('max_overlapped_share')::double as bound,
        value < bound as passed
 from proposals p

@@ -3,10 +3,13 @@
 -- needs: source and fit are among those taken
 -- cues:
 set variable taken_source = 'track';  -- source: paper, release, free_space, track or static
-set variable also_taken_source = '';  -- source: a second one; empty for none
 set variable taken_fit = 'track';  -- fit: min_area, l_shape or track
+set variable also_taken_source = '';  -- source: a second one; empty for none
+set variable also_taken_fit = '';  -- fit: of the second one
 
 select p.proposal_id, null::double as value, null::double as bound,
        p.source in (getvariable('taken_source'), getvariable('also_taken_source'))
-       and p.fit = getvariable('taken_fit') as passed
+       and p.fit = case when p.source = getvariable('taken_source')
+                        then getvariable('taken_fit') else getvariable('also_taken_fit') end
+           as passed
 from proposals p

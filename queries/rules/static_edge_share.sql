@@ -3,7 +3,7 @@
 -- source: ours: at least half of the points within 0.3 m of the box's edges
 -- needs: value >= min_edge_share
 -- cues: static_clusters
-set variable min_edge_share = 0.5;  -- share: points within 0.3 m * metric_scale of a side, from above
+set variable min_edge_share = 0.5;  -- share: of the points, near a side seen from above
 
 select p.proposal_id, p.edge_share as value, getvariable('min_edge_share')::double as bound,
        case when p.source = 'static' then value >= bound end as passed

@@ -6,7 +6,7 @@
 set variable min_static_height_m = 1.2;  -- m: smallest height of a vehicle
 set variable max_static_height_m = 2.5;  -- m: largest height of a vehicle
 
-select p.proposal_id, p.height_m as value,
+select p.proposal_id, coalesce(p.track_height_m, p.height_m) as value,
        (case when value < p.metric_scale
                   * (getvariable('min_static_height_m') + getvariable('max_static_height_m')) / 2
              then getvariable('min_static_height_m') else getvariable('max_static_height_m') end

@@ -12,7 +12,7 @@ set variable min_travel_long_m = 1.5;  -- m: for a long track
 set variable min_age_long_frames = 8;  -- frames: a long track has been observed in
 set variable min_straightness_long = 0.6;  -- ratio: travel over path length, above it; long track
 set variable min_travel_cut_m = 1.0;  -- m: for a track at the first or last frame of the clip
-set variable min_age_cut_frames = 3;  -- frames: a track at the clip's end must have been observed in
+set variable min_age_cut_frames = 3;  -- frames: the same for one at the clip's end
 
 select p.proposal_id, p.travel_m as value,
        p.metric_scale * (case

@@ -163,7 +163,7 @@ def _tokens(sql: str) -> list[Token]:
     """Tokens without comments (which only some DuckDB versions report)."""
     data = sql.encode()
     starts = [start for start, _ in duckdb.tokenize(sql)]
-    ends = [*starts[1:], len(data)]
+    ends = [*starts[1:], len(data)][: len(starts)]
     tokens = [(a, data[a:b].decode()) for a, b in zip(starts, ends, strict=True)]
     return [(a, text) for a, text in tokens if not text.startswith(("--", "/*"))]
 

@@ -163,10 +163,17 @@ def test_a_snapshot_is_judged_as_it_was(store: Store) -> None:
 
 
 def test_static_boxes_under_a_track_give_way(store: Store) -> None:
-    static = {"source": "static", "edge_share": 0.8, "width_m": 1.8}
+    static = {
+        "source": "static",
+        "fit": "l_shape",
+        "edge_share": 0.8,
+        "width_m": 1.8,
+        "age_frames": 9,
+        "track_core_share": 0.0,
+    }
     rows = [
         {**GOOD_TRACK, "yaw_rad": 0.3},
-        {**static, "x_m": 2.5},
+        {**static, "x_m": 1.5},
         {**static, "z_m": 13.0},
         {**static, "frame": 1},
         {**static, "z_m": 20.0, "edge_share": 0.4},
