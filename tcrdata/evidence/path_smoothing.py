@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from tcrdata.types import BoolArray, FloatArray, IntArray
@@ -68,35 +70,57 @@ def _add_differences(
             )
 
 
-def smooth_heading(
-    path: FloatArray, position_m: float, turn_rad: float, curvature_1pm: float, still_rad: float
-) -> FloatArray:
-    """Return the (N,) yaw of the direction of an (N, 2) path, also where it stands still.
+@dataclass(frozen=True)
+class HeadingModel:
+    """How headings vary.
 
-    Each step's direction counts by its length over `position_m`; the second difference has the
-    deviation `turn_rad`, and the first one `curvature_1pm` times the step, plus `still_rad`: what
-    does not move does not turn.
+    Attributes:
+        turn_rad: standard deviation of the second difference.
+        curvature_1pm: standard deviation of the first difference, a metre of the step ...
+        still_rad: ... and without a step: what does not move does not turn.
+    """
+
+    turn_rad: float
+    curvature_1pm: float
+    still_rad: float
+
+
+def course(path: FloatArray, position_m: float) -> tuple[FloatArray, FloatArray]:
+    """Return the (N,) continuous directions of the steps of an (N, 2) path, and their weights.
+
+    A step's direction weighs (its length / position_m)^2, in 1 / rad^2.
+    """
+    step = np.gradient(path, axis=0) if len(path) > 1 else np.zeros((1, 2))
+    chord = _chords(path)
+    reference = _held(np.arctan2(-chord[:, 1], chord[:, 0]), np.hypot(*chord.T) > 4 * position_m)
+    direction = np.arctan2(-step[:, 1], step[:, 0])
+    weight = (step**2).sum(axis=1) / position_m**2
+    return reference + wrapped(direction - reference, 2 * np.pi), weight
+
+
+def smooth_heading(
+    angles: FloatArray, weights: FloatArray, path: FloatArray, model: HeadingModel
+) -> FloatArray:
+    """Return (N,) smoothed angles: least squares of the misfit and of both differences.
+
+    Args:
+        angles: (N,) measured, continuous, radians.
+        weights: (N,) 1 / rad^2; 0 where nothing was measured.
+        path: (N, 2) the path, whose steps allow turning.
+        model: how headings vary.
     """
     from scipy.linalg import solveh_banded
 
     count = len(path)
-    step = np.gradient(path, axis=0) if count > 1 else np.zeros((1, 2))
-    length = np.hypot(step[:, 0], step[:, 1])
-    chord = _chords(path)
-    reference = _held(np.arctan2(-chord[:, 1], chord[:, 0]), np.hypot(*chord.T) > 4 * position_m)
-    direction = np.arctan2(-step[:, 1], step[:, 0])
-    direction = reference + _wrapped(direction - reference)
-    weight = (length / position_m) ** 2
     banded = np.zeros((3, count))
-    banded[0] = weight + 1e-9
-    _add_differences(banded, _ACCELERATION, count, 1, 1 / turn_rad**2)
-    between = (length[1:] + length[:-1]) / 2
-    _add_differences(
-        banded, np.array([-1.0, 1.0]), count, 1, 1 / (curvature_1pm * between + still_rad) ** 2
+    banded[0] = weights + 1e-9
+    _add_differences(banded, _ACCELERATION, count, 1, 1 / model.turn_rad**2)
+    step = np.hypot(*np.diff(path, axis=0).T)
+    spread = model.curvature_1pm * step + model.still_rad
+    _add_differences(banded, np.array([-1.0, 1.0]), count, 1, 1 / spread**2)
+    solution: FloatArray = solveh_banded(
+        banded[: min(count, 3)], (weights + 1e-9) * angles, lower=True
     )
-    if count < 3:
-        banded = banded[:2] if count == 2 else banded[:1]
-    solution: FloatArray = solveh_banded(banded, weight * direction + 1e-9 * reference, lower=True)
     return solution
 
 
@@ -118,5 +142,6 @@ def _held(angles: FloatArray, reliable: BoolArray) -> FloatArray:
     return np.asarray(unwrapped[nearest])
 
 
-def _wrapped(angles: FloatArray) -> FloatArray:
-    return np.asarray((angles + np.pi) % (2 * np.pi) - np.pi)
+def wrapped(angles: FloatArray, period: float) -> FloatArray:
+    """Return the angles in [-period / 2, period / 2)."""
+    return np.asarray((angles + period / 2) % period - period / 2)

@@ -11,13 +11,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TypeVar
 
 import numba
 import numpy as np
 
-from tcrdata.evidence.path_smoothing import smooth_heading, smooth_path
+from tcrdata.evidence.path_smoothing import (
+    HeadingModel,
+    course,
+    smooth_heading,
+    smooth_path,
+    wrapped,
+)
+from tcrdata.geometry.boxes import l_shape_box
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -43,6 +51,14 @@ class RefinementSettings:
         curvature_1pm: standard deviation of the curvature, 1 / m.
         still_radps: turning rate of a body at rest.
         slip_share: distance from the centre to the rear axle, in lengths.
+        shape_m: standard deviation of an outline's heading, times the length seen.
+        shape_least_m: what is seen of less than this has no heading.
+        shape_outlier_rad: outlines farther off than this lose weight (Huber).
+        grazing_share: sine of the angle at which a side shows its extent.
+        vehicle_width_m: what is wider, and never showed its length, is taken for a vehicle.
+        vehicle_length_m: what is longer, and never showed its width, is too.
+        vehicle_aspect: length over width of a vehicle.
+        vehicle_most_width_m: width that a vehicle of unknown width has at most.
     """
 
     passes: int = 4
@@ -59,20 +75,22 @@ class RefinementSettings:
     curvature_1pm: float = 0.2
     still_radps: float = 0.05
     slip_share: float = 0.3
+    shape_m: float = 0.3
+    shape_least_m: float = 1.0
+    shape_outlier_rad: float = 0.2
+    grazing_share: float = 0.15
+    vehicle_width_m: float = 1.4
+    vehicle_length_m: float = 3.0
+    vehicle_aspect: float = 2.3
+    vehicle_most_width_m: float = 1.8
 
     def scaled(self, metric_scale: float) -> RefinementSettings:
         """Return the settings of a world whose road scene is `metric_scale` as large."""
-        from dataclasses import replace
-
-        return replace(
-            self,
-            pad_m=self.pad_m * metric_scale,
-            anchor_m=self.anchor_m * metric_scale,
-            jerk_mps3=self.jerk_mps3 * metric_scale,
-            acceleration_mps2=self.acceleration_mps2 * metric_scale,
-            path_m=self.path_m * metric_scale,
-            curvature_1pm=self.curvature_1pm / metric_scale,
-        )
+        names = [
+            name for name in self.__dataclass_fields__ if name.endswith(("_m", "_mps3", "_mps2"))
+        ]
+        lengths = {name: getattr(self, name) * metric_scale for name in names}
+        return replace(self, curvature_1pm=self.curvature_1pm / metric_scale, **lengths)
 
 
 @dataclass(frozen=True)
@@ -87,6 +105,7 @@ class Sightings:
         distrusted: (n, 4) edges whose end is hidden by something nearer: rear, front, and low and
             high side across the heading.
         counts_for_size: (n,) frames whose extents may set the size.
+        above_top_m: (n,) how far the sensor is above the highest point.
     """
 
     step: IntArray
@@ -95,6 +114,7 @@ class Sightings:
     sensor: FloatArray
     distrusted: BoolArray
     counts_for_size: BoolArray
+    above_top_m: FloatArray
 
 
 @dataclass(frozen=True)
@@ -147,27 +167,27 @@ def refine(sightings: Sightings, settings: RefinementSettings, interval_s: float
     middle = _middles(sightings)
     information = np.broadcast_to(np.eye(2) / (4 * settings.anchor_m) ** 2, (len(step), 2, 2))
     path = smooth_path(step, middle, information, count, jerk_m, acceleration_m)
+    shape = _shape_headings(sightings, settings)
     length = width = 0.0
     residual = np.zeros((len(step), 2))
     for _ in range(settings.passes):
-        yaw = _heading(path, length, settings, interval_s)
+        yaw = _heading(path, length, shape, step, settings, interval_s)
         seen = yaw[step]
         extents = _extents(sightings.xz, offsets, seen)
-        length, width = _size(extents, sightings.counts_for_size, settings)
+        shown = _shown(sightings, seen, path[step], (length, width), settings)
+        length, width = _size(extents, shown, sightings.counts_for_size, settings)
         anchor, deviation = _anchors(
             sightings, extents, seen, path[step], (length, width), settings
         )
-        inverse = 1 / deviation**2
         turn = _axes(seen)
         residual = anchor - np.einsum("nij,nj->ni", turn, path[step])
-        inverse *= np.minimum(
-            1.0, settings.outlier_deviations * deviation / np.maximum(np.abs(residual), 1e-9)
-        )
+        slack = settings.outlier_deviations * deviation / np.maximum(np.abs(residual), 1e-9)
+        inverse = np.minimum(1.0, slack) / deviation**2
         information = np.einsum("nki,nk,nkj->nij", turn, inverse, turn)
         world = np.einsum("nki,nk->ni", turn, anchor)
         path = smooth_path(step, world, information, count, jerk_m, acceleration_m)
         residual = anchor - np.einsum("nij,nj->ni", turn, path[step])
-    yaw = _heading(path, length, settings, interval_s)
+    yaw = _heading(path, length, shape, step, settings, interval_s)
     return RefinedPath(path, yaw, length, width, float(np.sqrt((residual**2).sum(axis=1).mean())))
 
 
@@ -186,32 +206,107 @@ def _axes(yaw: FloatArray) -> FloatArray:
 
 
 def _heading(
-    path: FloatArray, length: float, settings: RefinementSettings, interval_s: float
+    path: FloatArray,
+    length: float,
+    shape: _ShapeHeadings,
+    step: IntArray,
+    settings: RefinementSettings,
+    interval_s: float,
 ) -> FloatArray:
-    direction = smooth_heading(
-        path,
-        settings.path_m,
+    """Return the (N,) body's heading: from the path, and from how its outline lies."""
+    model = HeadingModel(
         settings.turn_radps2 * interval_s**2,
         settings.curvature_1pm,
         settings.still_radps * interval_s,
     )
+    direction, weight = course(path, settings.path_m)
+    yaw = smooth_heading(direction, weight, path, model)
+    for _ in range(2):
+        angles, weights = (direction - _slip(yaw, path, length, settings)) * weight, weight.copy()
+        # A rectangle lies the same way after a quarter turn.
+        off = wrapped(shape.yaw - yaw[step], np.pi / 2)
+        trust = shape.weight / np.maximum(1.0, np.abs(off) / settings.shape_outlier_rad)
+        angles[step] += (yaw[step] + off) * trust
+        weights[step] += trust
+        yaw = smooth_heading(angles / np.maximum(weights, 1e-12), weights, path, model)
+    return yaw
+
+
+def _slip(
+    yaw: FloatArray, path: FloatArray, length: float, settings: RefinementSettings
+) -> FloatArray:
+    """Return (N,) by how much the course of the centre turns ahead of the body."""
     if len(path) < 3:
-        return direction
+        return np.zeros(len(path))
     step = np.hypot(*np.gradient(path, axis=0).T)
-    curvature = np.gradient(direction) / np.maximum(step, settings.path_m)
+    curvature = np.gradient(yaw) / np.maximum(step, settings.path_m)
     limit = settings.curvature_1pm
-    return np.asarray(
-        direction - np.arctan(settings.slip_share * length * np.clip(curvature, -limit, limit))
-    )
+    return np.asarray(np.arctan(settings.slip_share * length * np.clip(curvature, -limit, limit)))
+
+
+@dataclass(frozen=True)
+class _ShapeHeadings:
+    """How each frame's outline lies, (n,) each; the weight is 1 / rad^2."""
+
+    yaw: FloatArray
+    weight: FloatArray
+
+
+def _shape_headings(sightings: Sightings, settings: RefinementSettings) -> _ShapeHeadings:
+    """Return the L-shape headings; they count by the length seen beyond `shape_least_m`."""
+    spans = pairwise(sightings.offsets.tolist())
+    boxes = [l_shape_box(sightings.xz[a:b], settings.path_m) for a, b in spans]
+    length = np.array([box.length for box in boxes])
+    weight = (np.maximum(length - settings.shape_least_m, 0.0) / settings.shape_m) ** 2
+    return _ShapeHeadings(np.array([box.yaw_rad for box in boxes]), weight)
 
 
 def _size(
-    extents: FloatArray, counts: BoolArray, settings: RefinementSettings
+    extents: FloatArray,
+    shown: BoolArray,
+    counts: BoolArray,
+    settings: RefinementSettings,
 ) -> tuple[float, float]:
-    used = extents[counts] if counts.any() else extents
-    length = float(np.quantile(used[:, 1] - used[:, 0], settings.length_quantile))
-    width = float(np.quantile(used[:, 3] - used[:, 2], settings.width_quantile))
-    return length + settings.pad_m, width + settings.pad_m
+    """Return length and width: quantiles of the extents, or what a vehicle of that side has.
+
+    Args:
+        extents: (n, 4) ends along both axes.
+        shown: (n, 2) whether the sensor saw along the length, and along the width.
+        counts: (n,) frames that may set the size.
+        settings: scaled to the world.
+    """
+    used = counts if counts.any() else np.ones(len(counts), dtype=bool)
+    length = float(np.quantile((extents[:, 1] - extents[:, 0])[used], settings.length_quantile))
+    width = float(np.quantile((extents[:, 3] - extents[:, 2])[used], settings.width_quantile))
+    length, width = length + settings.pad_m, width + settings.pad_m
+    sees_length, sees_width = shown[used].mean(axis=0) >= 1 - np.array(
+        [settings.length_quantile, settings.width_quantile]
+    )
+    if not sees_length and sees_width and width >= settings.vehicle_width_m:
+        length = max(length, settings.vehicle_aspect * width)
+    if not sees_width and sees_length and length >= settings.vehicle_length_m:
+        width = max(width, min(length / settings.vehicle_aspect, settings.vehicle_most_width_m))
+    return length, width
+
+
+def _shown(
+    sightings: Sightings,
+    yaw: FloatArray,
+    center: FloatArray,
+    size: tuple[float, float],
+    settings: RefinementSettings,
+) -> BoolArray:
+    """Return (n, 2): whether the side along the length, and the one along the width, is in view.
+
+    A side is when the line of sight meets it steeper than `grazing_share`, or sees the top.
+    """
+    away = sightings.sensor - center
+    local = np.abs(np.einsum("nij,nj->ni", _axes(yaw), away))
+    distance = np.maximum(np.hypot(*away.T), settings.pad_m)
+    length_side = (local[:, 1] - size[1] / 2) / distance >= settings.grazing_share
+    width_side = (local[:, 0] - size[0] / 2) / distance >= settings.grazing_share
+    from_above = sightings.above_top_m / distance >= settings.grazing_share
+    return np.stack([length_side | from_above, width_side | from_above], axis=1)
 
 
 def _anchors(

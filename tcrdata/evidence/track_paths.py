@@ -106,23 +106,24 @@ def shape_of(sightings: list[Sighting], world: World, settings: RefinementSettin
     first = sightings[0].frame
     moved = [world.point_to_world(s.frame, s.xyz.astype(np.float64)) for s in sightings]
     step = np.array([s.frame - first for s in sightings], dtype=np.int64)
-    sensor = np.array([world.sensor(s.frame)[[0, 2]] for s in sightings])
+    sensor = np.array([world.sensor(s.frame) for s in sightings])
+    top = np.array([m[:, 1].min() for m in moved])
     observed = np.array([s.observed for s in sightings])
     path = refine(
         Sightings(
             step=step,
             xz=np.ascontiguousarray(np.concatenate(moved)[:, [0, 2]]),
             offsets=np.cumsum([0, *(len(m) for m in moved)]),
-            sensor=sensor,
+            sensor=sensor[:, [0, 2]],
             distrusted=np.array([s.hidden for s in sightings]),
             counts_for_size=observed,
+            above_top_m=top - sensor[:, 1],
         ),
         settings,
         world.interval_s,
     )
     low = np.array([m[:, 1].max() for m in moved])
     ground = low + np.array([s.above_ground_m for s in sightings])
-    top = np.array([m[:, 1].min() for m in moved])
     height = float(np.quantile((ground - top)[observed], settings.length_quantile))
     base = _median_filtered(ground[observed])
     base_y = np.interp(np.arange(len(path.center)), step[observed], base)
