@@ -42,7 +42,8 @@ select 'synthetic/' || $sequence || '/' || lpad((i // 20)::varchar, 6, '0') || '
        (300 * u3)::integer as voxels_b, (9 * u2)::integer as smallest_side_voxels,
        (40 * u1)::integer as projected_px, (1 + 19 * u2)::integer as size_rank, u1 as edge_share,
        (20 * u4)::integer as age_frames, 8 * u2 as travel_m, u4 as straightness,
-       false as at_clip_edge, case source when 'static' then 0.15 * u2 else sqrt(u1) end as track_core_share,
+       false as at_clip_edge,
+       case source when 'static' then 0.15 * u2 else sqrt(u1) end as track_core_share,
        0.6 * u4 as overlapped_share, 1.2 + u3 as track_height_m,
        (9 * u3 * u3)::integer as frames_from_observation
 from (

@@ -3,7 +3,7 @@
 -- source: ours: on a slow drive flow RANSAC passes every cycle check and is wrong by 4 times
 -- needs: value >= min_alignment_share
 -- cues: odometry, flow_ransac
-set variable min_alignment_share = 0.5;  -- share: of the points that find a neighbour
+set variable min_alignment_share = 0.4;  -- share: of the points that find a neighbour
 set variable alignment_method = 'odometry';  -- estimator: odometry or flow_ransac
 set variable min_alignment_frames = 5;  -- frames: a shorter look ahead says little: abstains
 
