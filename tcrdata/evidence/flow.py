@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.errors import EvidenceError, FrameError
+from tcrdata.errors import FrameError
 from tcrdata.evidence import flow_cycle
 from tcrdata.evidence.chunks import chunked
 from tcrdata.evidence.point_rows import error_rows
@@ -111,18 +111,39 @@ def _measure_task(task: _Task) -> list[Rows]:
     # DIS splits the image by thread, so that its result could depend on their number.
     cv2.setNumThreads(1)
     known: dict[int, ImageArray] = {}
+    errors: dict[int, str] = {}
     batches: list[Rows] = []
     for pair in task.pairs:
-        try:
-            first, second = (_gray(task.dataset, frame, known) for frame in pair)
-            _same_size(pair, first, second)
-        except (FrameError, EvidenceError) as error:
-            batches += error_rows([(pair.first.frame, str(error))])
+        images = _images(task.dataset, pair, known, errors)
+        if images is None:
             continue
+        first, second = images
         known = {pair.second.frame: second}
         rows = flow_rows(pair, dis_flow(first, second), dis_flow(second, first), task.settings)
         batches.append(Rows("flows", rows))
-    return batches
+    return [*batches, *error_rows(sorted(errors.items()))]
+
+
+def _images(
+    dataset: Dataset, pair: Pair, known: dict[int, ImageArray], errors: dict[int, str]
+) -> tuple[ImageArray, ImageArray] | None:
+    """Return both grey images; or None, and say which frame is to blame."""
+    images = []
+    for frame in pair:
+        try:
+            images.append(_gray(dataset, frame, known))
+        except FrameError as error:
+            errors[frame.frame] = str(error)
+            return None
+    first, second = images
+    if first.shape != second.shape:
+        (h1, w1), (h2, w2) = first.shape[:2], second.shape[:2]
+        errors[pair.first.frame] = (
+            f"frame {pair.first.frame}: image is {w1}x{h1} but frame {pair.second.frame} has "
+            f"{w2}x{h2}; flow needs one size: leave one of the frames out"
+        )
+        return None
+    return first, second
 
 
 def _gray(dataset: Dataset, frame: Frame, known: dict[int, ImageArray]) -> ImageArray:
@@ -131,12 +152,3 @@ def _gray(dataset: Dataset, frame: Frame, known: dict[int, ImageArray]) -> Image
     if frame.frame in known:
         return known[frame.frame]
     return np.asarray(cv2.cvtColor(dataset.read_image(frame), cv2.COLOR_RGB2GRAY))
-
-
-def _same_size(pair: Pair, first: ImageArray, second: ImageArray) -> None:
-    if first.shape != second.shape:
-        (h1, w1), (h2, w2) = first.shape[:2], second.shape[:2]
-        raise EvidenceError(
-            f"frame {pair.first.frame}: image is {w1}x{h1} but frame {pair.second.frame} has "
-            f"{w2}x{h2}; flow needs one size: leave one of the frames out"
-        )

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from plane_world import ArrayDataset, MemoryTables, cue_input, frame, without_image
 
+from tcrdata.errors import FrameError
 from tcrdata.evidence import flow
 from tcrdata.evidence.flow_cycle import PAPER_BIT, RELEASE_BIT
 from tcrdata.evidence.stored_flow import image_pairs, read_flow
+from tcrdata.types import Frame
 
 
 def textured(shift: tuple[int, int] = (0, 0)) -> np.ndarray:
@@ -88,6 +90,21 @@ def test_images_of_two_sizes_are_one_clear_error_and_the_rest_goes_on() -> None:
     assert "160x110" in error["error"]
     assert "frame 1 has 160x120" in error["error"]
     assert [row["frame"] for row in tables.rows["flows"]] == [1, 2]
+
+
+def test_an_image_that_cannot_be_read_is_one_error_of_its_own_frame() -> None:
+    class Damaged(ArrayDataset):
+        def read_image(self, frame: Frame) -> np.ndarray:
+            if frame.frame == 1:
+                raise FrameError("frame 1: image is cut short")
+            return self.images[frame.frame]
+
+    dataset = Damaged({}, {n: textured() for n in (0, 2, 3)})
+    tables = MemoryTables()
+    frames = [frame(n) for n in range(4)]
+    tables.add(flow.run(cue_input(dataset, tables, flow.Settings(), frames)))
+    assert tables.rows["errors"] == [{"frame": 1, "error": "frame 1: image is cut short"}]
+    assert [row["frame"] for row in tables.rows["flows"]] == [2, 3]
 
 
 def test_an_unmeasured_pair_is_none(measured: MemoryTables) -> None:
