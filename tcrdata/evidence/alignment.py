@@ -50,8 +50,10 @@ def _count_near(query: Float32Array, target: Float32Array, radius_m: float, cell
         iz0 = max(int(np.floor((z - radius_m - z0) / cell_m)), 0)
         iz1 = min(int(np.floor((z + radius_m - z0) / cell_m)), nz - 1)
         found = False
+        if iz1 < iz0:
+            continue
         for ix in range(ix0, ix1 + 1):
-            for k in range(starts[ix * nz + iz0], starts[ix * nz + iz1 + 1] if iz1 >= iz0 else 0):
+            for k in range(starts[ix * nz + iz0], starts[ix * nz + iz1 + 1]):
                 dx = target[order[k], 0] - x
                 dy = target[order[k], 1] - y
                 dz = target[order[k], 2] - z
