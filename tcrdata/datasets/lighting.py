@@ -62,17 +62,22 @@ def surface_normal(
 
 @kernel
 def gather_shadowers(
-    spheres: FloatArray, light: FloatArray, points: FloatArray, count: int, found: IntArray
+    spheres: FloatArray, light: FloatArray, points: FloatArray, hits: IntArray, found: IntArray
 ) -> int:
-    """Find the shapes that may stand between the light and the first `count` of (K, 3) points."""
-    cx, cy, cz = 0.0, 0.0, 0.0
-    for i in range(count):
-        cx, cy, cz = cx + points[i, 0], cy + points[i, 1], cz + points[i, 2]
+    """Find the shapes that may stand between the light and those of (K, 3) points that are hits."""
+    cx, cy, cz, count = 0.0, 0.0, 0.0, 0
+    for i in range(len(points)):
+        if hits[i] >= 0:
+            cx, cy, cz = cx + points[i, 0], cy + points[i, 1], cz + points[i, 2]
+            count += 1
+    if count == 0:
+        return 0
     cx, cy, cz = cx / count, cy / count, cz / count
     reach2 = 0.0
-    for i in range(count):
-        x, y, z = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
-        reach2 = max(reach2, x * x + y * y + z * z)
+    for i in range(len(points)):
+        if hits[i] >= 0:
+            x, y, z = points[i, 0] - cx, points[i, 1] - cy, points[i, 2] - cz
+            reach2 = max(reach2, x * x + y * y + z * z)
     reach = math.sqrt(reach2)
     number = 0
     for p in range(len(spheres)):

@@ -86,7 +86,8 @@ def render(
         origin: (3,) the camera's centre, world (m).
         world_R_pixel: (3, 3) takes (column, row, 1) to a world direction of forward length 1.
         size_px: width and height.
-        samples: rays a pixel in each direction, on a regular grid.
+        samples: rays a pixel in each direction, on a regular grid; where all of them see one
+            smooth surface, it is lit once.
     """
     linear = _render(
         primitives.kinds,
@@ -149,31 +150,77 @@ def _render(
             count = min(STRIP, width - first) * n * n
             _aim(R, first, row, n, rays[:count])
             found = gather_candidates(spheres, origin, rays[:count], np.inf, seen)
-            solid = 0
             for i in range(count):
                 times[i], hits[i] = _first_hit(
                     kinds, unit_T_world, spheres, half_sizes, seen[:found], origin, rays[i]
                 )
                 if hits[i] >= 0:
-                    points[solid] = origin + times[i] * rays[i]
-                    solid += 1
-            casters = 0
-            if solid > 0:
-                casters = gather_shadowers(spheres, light, points, solid, shading)
-            solid = 0
-            for i in range(count):
-                length = math.sqrt(rays[i, 0] ** 2 + rays[i, 1] ** 2 + rays[i, 2] ** 2)
-                colour = sky_colour(light, rays[i, 2], length)
-                if hits[i] >= 0:
-                    colour = surface_colour(
-                        kinds, unit_T_world, spheres, half_sizes, materials, shading[:casters],
-                        light, 1.57 * (i % (n * n)), hits[i], points[solid], rays[i] / length,
-                        times[i] * length, times[i] * footprint,
-                    )  # fmt: skip
-                    solid += 1
-                for channel in range(3):
-                    image[row, first + i // (n * n), channel] += colour[channel] / (n * n)
+                    points[i] = origin + times[i] * rays[i]
+            casters = gather_shadowers(spheres, light, points[:count], hits, shading)
+            for pixel in range(0, count, n * n):
+                step = 1
+                if n > 1 and _is_plain(kinds, unit_T_world, half_sizes, points, hits, pixel, n * n):
+                    # One sample in the middle says as much.
+                    step = n * n
+                    rays[pixel] = _mean(rays, pixel, step)
+                    times[pixel], hits[pixel] = _first_hit(
+                        kinds, unit_T_world, spheres, half_sizes, seen[:found], origin, rays[pixel]
+                    )
+                    points[pixel] = origin + times[pixel] * rays[pixel]
+                for i in range(pixel, pixel + n * n, step):
+                    length = math.sqrt(rays[i, 0] ** 2 + rays[i, 1] ** 2 + rays[i, 2] ** 2)
+                    colour = sky_colour(light, rays[i, 2], length)
+                    if hits[i] >= 0:
+                        colour = surface_colour(
+                            kinds, unit_T_world, spheres, half_sizes, materials,
+                            shading[:casters], light, 1.57 * (i - pixel), hits[i], points[i],
+                            rays[i] / length, times[i] * length, times[i] * footprint,
+                        )  # fmt: skip
+                    for channel in range(3):
+                        image[row, first + pixel // (n * n), channel] += (
+                            colour[channel] * step / (n * n)
+                        )
     return image
+
+
+@kernel
+def _is_plain(
+    kinds: IntArray,
+    unit_T_world: FloatArray,
+    half_sizes: FloatArray,
+    points: FloatArray,
+    hits: IntArray,
+    first: int,
+    count: int,
+) -> bool:
+    """Tell whether the samples of a pixel see one smooth surface, or the sky alone."""
+    p = hits[first]
+    x, y, z = 0.0, 0.0, 0.0
+    for i in range(first, first + count):
+        if hits[i] != p:
+            return False
+        if p < 0:
+            continue
+        at = points[i]
+        A = unit_T_world[p]
+        nx, ny, nz = surface_normal(
+            kinds[p],
+            A,
+            half_sizes[p],
+            A[0, 0] * at[0] + A[0, 1] * at[1] + A[0, 2] * at[2] + A[0, 3],
+            A[1, 0] * at[0] + A[1, 1] * at[1] + A[1, 2] * at[2] + A[1, 3],
+            A[2, 0] * at[0] + A[2, 1] * at[1] + A[2, 2] * at[2] + A[2, 3],
+        )
+        x, y, z = x + nx, y + ny, z + nz
+    return p < 0 or x * x + y * y + z * z > (0.99 * count) ** 2
+
+
+@kernel
+def _mean(rows: FloatArray, first: int, count: int) -> FloatArray:
+    total = np.zeros(3)
+    for i in range(first, first + count):
+        total += rows[i]
+    return total / count
 
 
 @kernel

@@ -127,13 +127,15 @@ def _window_tone(kind: int, x: float, y: float, z: float, mx: float, my: float, 
 
 
 @kernel
-def _plank_tone(x: float, y: float, seed: int) -> float:
+def _plank_tone(x: float, y: float, footprint: float, seed: int) -> float:
     row = math.floor(y / 1.1)
     shift = 2.7 * _lattice(int(row), 3, 5, seed)
     board = math.floor((x + shift) / 5.0)
     edge = min(y / 1.1 - row, row + 1 - y / 1.1) * 1.1
     end = min((x + shift) / 5.0 - board, board + 1 - (x + shift) / 5.0) * 5.0
-    groove = 1.0 - 0.25 * math.exp(-((min(edge, end) / 0.02) ** 2))
+    # As wide as a pixel at least, and fainter for it.
+    width = max(0.02, 1.5 * footprint)
+    groove = 1.0 - 0.25 * (0.02 / width) * math.exp(-((min(edge, end) / width) ** 2))
     return groove * (1.0 + 0.07 * _lattice(int(row), int(board), 9, seed))
 
 
@@ -155,7 +157,7 @@ def albedo(
     if pattern == PLANKS:
         grain = _solid_noise(0.18 * mx, mx * 0.1 + my * 1.6, mz, material[4], footprint, seed)
         noise = 0.5 * grain + 0.5 * _solid_noise(mx, my, mz, material[4], footprint, seed + 50)
-        tone = _plank_tone(mx, my, seed)
+        tone = _plank_tone(mx, my, footprint, seed)
     else:
         noise = _solid_noise(mx, my, mz, material[4], footprint, seed)
         tone = 1.0

@@ -18,7 +18,11 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 def kernel(function: F) -> F:
-    """Compile a function of scalars and arrays, keeping the machine code for the next process."""
+    """Compile a function of scalars and arrays, keeping the machine code for the next process.
+
+    Numba looks for changes in a kernel's own file alone: after editing a kernel that other files
+    call, delete `__pycache__/*.nbi` beside them.
+    """
     compiled: F = numba.njit(cache=True, nogil=True)(function)
     return compiled
 

