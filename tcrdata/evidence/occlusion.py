@@ -42,12 +42,13 @@ def facing_outline(box: NDArray[np.floating], sensor: FloatArray) -> FloatArray:
         sensor: (3,) its place, level frame. Inside the box, no side faces it.
     """
     corners = box_corners_bev(box[None])[0]
-    center = np.array([box[0], box[2]])
+    c, s = np.cos(box[6]), np.sin(box[6])
+    along, across = np.array([c, -s]), np.array([s, c])
     heights = box[1] + (_UP - 0.5) * box[5]
     sides = []
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        middle = (start + end) / 2
-        if (middle - center) @ (sensor[[0, 2]] - middle) > 0:
+    for side, outward in enumerate((along, -across, -along, across)):
+        start, end = corners[side], corners[(side + 1) % 4]
+        if outward @ (sensor[[0, 2]] - (start + end) / 2) > 0:
             xz = start + _ALONG[:, None] * (end - start)
             points = np.empty((len(_UP), len(xz), 3))
             points[:, :, [0, 2]] = xz
