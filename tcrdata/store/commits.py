@@ -70,6 +70,13 @@ class Unit:
         """Folder of its records, relative to the store."""
         return f"{COMMITS}/{self.dataset}/{self.sequence}"
 
+    def may_hold(self, dataset: str | None, sequence: str | None, round: int | None) -> bool:
+        """Whether its files may hold rows with these keys; None asks for any."""
+        if self.dataset == ANY_DATASET and dataset != ANY_DATASET:
+            return True
+        pairs = ((self.dataset, dataset), (self.sequence, sequence), (self.round, round))
+        return all(asked is None or own == asked for own, asked in pairs)
+
     def record_path(self, generation: int) -> str:
         """Path of one of its records, relative to the store."""
         return f"{self.folder}/{self.stage}.r{self.round}.g{generation}.json"

@@ -12,7 +12,6 @@ import hashlib
 import io
 import os
 import shutil
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -21,6 +20,7 @@ from typing import Any, BinaryIO, Protocol
 import pyarrow.fs
 
 from tcrdata.errors import StoreError
+from tcrdata.store.locks import locked_folder, sweep
 
 TEMPORARY = "tmp"
 _FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -172,7 +172,7 @@ class Filesystem:
             return
         self.sweep()
         with storage_errors(self.root):
-            folder, lock = _locked_folder(Path(self.full_path(TEMPORARY)))
+            folder, lock = locked_folder(Path(self.full_path(TEMPORARY)))
         try:
             yield _LocalStaging(self, folder)
         finally:
@@ -183,16 +183,8 @@ class Filesystem:
 
     def sweep(self) -> None:
         """Remove what killed writers left; living ones hold a lock on theirs."""
-        top = Path(self.full_path(TEMPORARY))
-        if not self.is_local or not top.is_dir():
-            return
-        for folder in sorted(top.iterdir()):
-            with suppress(FileNotFoundError):
-                if (lock := _try_lock(folder)) is not None:
-                    shutil.rmtree(folder, ignore_errors=True)
-                    os.close(lock)
-        with suppress(OSError):
-            top.rmdir()
+        if self.is_local:
+            sweep(Path(self.full_path(TEMPORARY)))
 
     def arrow(self) -> pyarrow.fs.FileSystem:
         """The same filesystem for pyarrow."""
@@ -251,35 +243,6 @@ class _RemoteStaging:
 def _protocols(filesystem: Any) -> tuple[str, ...]:
     protocol = filesystem.protocol
     return (protocol,) if isinstance(protocol, str) else tuple(protocol)
-
-
-def _locked_folder(top: Path) -> tuple[Path, int]:
-    """Make a folder and lock it; again when a sweep came between the two."""
-    while True:
-        top.mkdir(parents=True, exist_ok=True)
-        with suppress(FileNotFoundError):
-            folder = Path(tempfile.mkdtemp(dir=top))
-            if (lock := _try_lock(folder)) is not None:
-                return folder, lock
-
-
-def _try_lock(folder: Path) -> int | None:
-    """Lock a folder's lock file; None when a living writer holds it or a sweep removed it.
-
-    The system drops the lock when its process dies, however it dies.
-    """
-    import fcntl
-
-    path = folder / "lock"
-    lock = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        if path.stat().st_ino == os.fstat(lock).st_ino:
-            return lock
-    except (BlockingIOError, FileNotFoundError):
-        pass
-    os.close(lock)
-    return None
 
 
 def _make_folders(folder: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from tcrdata.store.commits import (
+    ANY_DATASET,
     COMMITS,
     CommitRecord,
     Unit,
@@ -40,6 +41,16 @@ class History:
         if any(path not in self._known for path in paths):
             self._load_checkpoint()
         return sorted((self._read(path) for path in paths), key=_order)
+
+    def newest_of(self, dataset: str, sequence: str) -> list[CommitRecord]:
+        """Of these the ones that may hold rows of a sequence, found without a look at the others.
+
+        Those are the sequence's own and the ones of units whose rows belong to any dataset.
+        """
+        found = self._files.find(f"{COMMITS}/{dataset}/{sequence}")
+        if dataset != ANY_DATASET:
+            found += self._files.find(f"{COMMITS}/{ANY_DATASET}")
+        return sorted((self._read(path) for path in _highest(found)), key=_order)
 
     def checkpoint(self, least: int) -> bool:
         """Fold every record into one file, if at least so many are in none yet."""

@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from tcrdata.errors import SchemaError, StoreError
 from tcrdata.store import snapshots
-from tcrdata.store.commits import ANY_DATASET, CommitRecord, FileEntry, Unit, dump_json, parse_json
+from tcrdata.store.commits import CommitRecord, FileEntry, Unit, dump_json, parse_json
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
 from tcrdata.store.parquet import ParquetHandles
@@ -142,8 +142,13 @@ class Store:
             SchemaError: there is no such table.
             StoreError: the snapshot is unknown or does not cover the table.
         """
-        entries = self._entries([table], snapshot)[table]
-        return [entry for entry in entries if _may_hold(entry.unit, dataset, sequence, round)]
+        if snapshot is None and dataset is not None and sequence is not None:
+            arrow_schema(table)
+            records = self._history.newest_of(dataset, sequence)
+            entries = [e for record in records for e in record.files if e.table == table]
+        else:
+            entries = self._entries([table], snapshot)[table]
+        return [entry for entry in entries if entry.unit.may_hold(dataset, sequence, round)]
 
     def read(
         self,
@@ -182,9 +187,9 @@ class Store:
                 known = ", ".join(schema.names)
                 raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
         found = []
-        for entry in self._entries([table], snapshot)[table]:
-            if not _may_hold(entry.unit, dataset, sequence, round):
-                continue
+        for entry in self.files(
+            table, snapshot=snapshot, dataset=dataset, sequence=sequence, round=round
+        ):
             rest = {k: v for k, v in given.items() if getattr(entry.unit, k) != v}
             rest = {name: value for name, value in rest.items() if name in schema.names}
             found.append(self._handles.get(entry.path, table).read(wanted, {**rest, **equals}))
@@ -287,11 +292,3 @@ class Store:
             if entry.table in entries:
                 entries[entry.table].append(entry)
         return entries
-
-
-def _may_hold(unit: Unit, dataset: str | None, sequence: str | None, round: int | None) -> bool:
-    """Whether rows with these keys may lie in a unit's files."""
-    if unit.dataset == ANY_DATASET and dataset != ANY_DATASET:
-        return True
-    wanted = ((unit.dataset, dataset), (unit.sequence, sequence), (unit.round, round))
-    return all(asked is None or own == asked for own, asked in wanted)

@@ -30,7 +30,7 @@ def connect(
 
     connection = duckdb.connect()
     # Files never change: their footers need reading once a connection, not once a query.
-    connection.execute("set parquet_metadata_cache = true")
+    connection.execute("set global parquet_metadata_cache = true")
     create_views(connection, files, tables, views)
     return connection
 

@@ -143,6 +143,15 @@ def test_reading_narrows_by_unit_and_by_value(store):
         store.read("point_evidence", frame="seven")
 
 
+def test_reading_a_sequence_lists_no_other_one(store, monkeypatch):
+    for sequence in ("0001", "0002", "0003"):
+        commit(store, Unit("ground", "kitti", sequence, 1), confidences=confidences(4))
+    find, listed = store._files.find, []
+    monkeypatch.setattr(store._files, "find", lambda path: listed.append(path) or find(path))
+    assert store.tables("kitti", "0002", 1).read("confidences").num_rows == 4
+    assert listed == ["commits/kitti/0002", "commits/_"]
+
+
 def test_a_heavy_read_touches_only_the_row_groups_that_match(disk, monkeypatch):
     commit(disk, point_evidence=evidence(range(600), size=2000))
     assert [file.rows for file in disk.files("point_evidence")] == [512, 88]
