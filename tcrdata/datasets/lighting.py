@@ -205,9 +205,6 @@ def surface_colour(
         glint = materials[p, 5] * max(0.0, facing) ** 40 * direct
     level = light[3, 0] * direct + around
     near = math.exp(-((distance / light[3, 2]) ** 2))
-    sky = sky_colour(light, ray[2], 1.0)
-    return (
-        near * (r * level + glint) + (1.0 - near) * sky[0],
-        near * (g * level + glint) + (1.0 - near) * sky[1],
-        near * (b * level + glint) + (1.0 - near) * sky[2],
-    )
+    fade, sky = 1.0 - near, sky_colour(light, ray[2], 1.0)
+    r, g, b = r * level + glint, g * level + glint, b * level + glint
+    return near * r + fade * sky[0], near * g + fade * sky[1], near * b + fade * sky[2]

@@ -141,10 +141,10 @@ def _render(
     n: int,
 ) -> FloatArray:
     image = np.zeros((height, width, 3))
-    seen, shading = np.empty(len(kinds), dtype=np.int64), np.empty(len(kinds), dtype=np.int64)
+    seen, shading = np.empty_like(kinds), np.empty_like(kinds)
     rays, points = np.empty((STRIP * n * n, 3)), np.empty((STRIP * n * n, 3))
     times, hits = np.empty(STRIP * n * n), np.empty(STRIP * n * n, dtype=np.int64)
-    footprint = math.sqrt(R[0, 0] ** 2 + R[1, 0] ** 2 + R[2, 0] ** 2)
+    footprint = _length(R[:, 0])
     for row in range(height):
         for first in range(0, width, STRIP):
             count = min(STRIP, width - first) * n * n
@@ -154,13 +154,12 @@ def _render(
                 times[i], hits[i] = _first_hit(
                     kinds, unit_T_world, spheres, half_sizes, seen[:found], origin, rays[i]
                 )
-                if hits[i] >= 0:
-                    points[i] = origin + times[i] * rays[i]
+                points[i] = origin + times[i] * rays[i]
             casters = gather_shadowers(spheres, light, points[:count], hits, shading)
             for pixel in range(0, count, n * n):
                 step = 1
+                # Where one sample in the middle says as much as all, it is lit alone.
                 if n > 1 and _is_plain(kinds, unit_T_world, half_sizes, points, hits, pixel, n * n):
-                    # One sample in the middle says as much.
                     step = n * n
                     rays[pixel] = _mean(rays, pixel, step)
                     times[pixel], hits[pixel] = _first_hit(
@@ -168,7 +167,7 @@ def _render(
                     )
                     points[pixel] = origin + times[pixel] * rays[pixel]
                 for i in range(pixel, pixel + n * n, step):
-                    length = math.sqrt(rays[i, 0] ** 2 + rays[i, 1] ** 2 + rays[i, 2] ** 2)
+                    length = _length(rays[i])
                     colour = sky_colour(light, rays[i, 2], length)
                     if hits[i] >= 0:
                         colour = surface_colour(
@@ -176,10 +175,7 @@ def _render(
                             shading[:casters], light, 1.57 * (i - pixel), hits[i], points[i],
                             rays[i] / length, times[i] * length, times[i] * footprint,
                         )  # fmt: skip
-                    for channel in range(3):
-                        image[row, first + pixel // (n * n), channel] += (
-                            colour[channel] * step / (n * n)
-                        )
+                    _add(image[row, first + pixel // (n * n)], colour, step / (n * n))
     return image
 
 
@@ -213,6 +209,18 @@ def _is_plain(
         )
         x, y, z = x + nx, y + ny, z + nz
     return p < 0 or x * x + y * y + z * z > (0.99 * count) ** 2
+
+
+@kernel
+def _length(row: FloatArray) -> float:
+    return math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
+
+
+@kernel
+def _add(pixel: FloatArray, colour: tuple[float, float, float], weight: float) -> None:
+    pixel[0] += weight * colour[0]
+    pixel[1] += weight * colour[1]
+    pixel[2] += weight * colour[2]
 
 
 @kernel

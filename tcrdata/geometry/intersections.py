@@ -221,8 +221,7 @@ def gather_candidates(
     cos_cone = 1.0
     for i in range(len(directions)):
         x, y, z = directions[i, 0], directions[i, 1], directions[i, 2]
-        cosine = (ax * x + ay * y + az * z) / math.sqrt(x * x + y * y + z * z)
-        cos_cone = min(cos_cone, cosine)
+        cos_cone = min(cos_cone, (ax * x + ay * y + az * z) / math.sqrt(x * x + y * y + z * z))
     sin_cone = math.sqrt(max(0.0, 1.0 - cos_cone * cos_cone))
     count = 0
     for p in range(len(spheres)):

@@ -233,19 +233,7 @@ def _count_pixels(
                 if last == 0:
                     first = p
                 last = p + 1
-        corners = np.empty((4, 3))
-        for corner in range(4):
-            column, row = windows[m, 2 * (corner % 2)], windows[m, 1 + 2 * (corner // 2)]
-            for axis in range(3):
-                corners[corner, axis] = R[axis, 0] * column + R[axis, 1] * row + R[axis, 2]
-        far = 0.0
-        for p in range(first, last):
-            away = math.sqrt(
-                (spheres[p, 0] - x) ** 2 + (spheres[p, 1] - y) ** 2 + (spheres[p, 2] - z) ** 2
-            )
-            far = max(far, away + spheres[p, 3])
-        # A pixel's direction is at least 1 long, so t is at most the distance in metres.
-        count = gather_candidates(spheres, origin, corners, far, found)
+        count = _window_candidates(spheres, first, last, origin, R, windows[m], found)
         for row in range(windows[m, 1], windows[m, 3]):
             for column in range(windows[m, 0], windows[m, 2]):
                 dx = R[0, 0] * column + R[0, 1] * row + R[0, 2]
@@ -260,7 +248,7 @@ def _count_pixels(
                 if own == np.inf:
                     continue
                 whole[m] += 1
-                hidden = False
+                visible[m] += 1
                 for c in range(count):
                     p = found[c]
                     if first <= p < last:
@@ -269,8 +257,32 @@ def _count_pixels(
                         continue
                     t = hit_shape(kinds, unit_T_world, half_sizes, p, x, y, z, dx, dy, dz, own)
                     if t < own:
-                        hidden = True
+                        visible[m] -= 1
                         break
-                if not hidden:
-                    visible[m] += 1
     return visible, whole
+
+
+@kernel
+def _window_candidates(
+    spheres: FloatArray,
+    first: int,
+    last: int,
+    origin: FloatArray,
+    R: FloatArray,
+    window: IntArray,
+    found: IntArray,
+) -> int:
+    """Find the shapes seen in a window that are no farther than shapes first to last - 1."""
+    corners = np.empty((4, 3))
+    for corner in range(4):
+        column, row = window[2 * (corner % 2)], window[1 + 2 * (corner // 2)]
+        for axis in range(3):
+            corners[corner, axis] = R[axis, 0] * column + R[axis, 1] * row + R[axis, 2]
+    far = 0.0
+    for p in range(first, last):
+        away = 0.0
+        for axis in range(3):
+            away += (spheres[p, axis] - origin[axis]) ** 2
+        far = max(far, math.sqrt(away) + spheres[p, 3])
+    # A pixel's direction is at least 1 long, so t is at most the distance in metres.
+    return int(gather_candidates(spheres, origin, corners, far, found))
