@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.refinement import RefinedPath, RefinementSettings, Sightings, refine
+from tcrdata.evidence.refinement import refine
+from tcrdata.evidence.sightings import RefinedPath, RefinementSettings, Sightings
 from tcrdata.evidence.track_frames import BoxLook
 from tcrdata.evidence.world import World
 from tcrdata.types import BoolArray, FloatArray, IntArray

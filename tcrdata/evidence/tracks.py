@@ -18,7 +18,7 @@ from tcrdata.evidence.linked_clusters import Clusters, link_clusters, read_clust
 from tcrdata.evidence.linking import LinkingSettings
 from tcrdata.evidence.point_rows import EncodedPoints, error_rows, read_encoded
 from tcrdata.evidence.poses import read_poses
-from tcrdata.evidence.refinement import RefinementSettings
+from tcrdata.evidence.sightings import RefinementSettings
 from tcrdata.evidence.track_frames import (
     BoxLook,
     ChunkTask,

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tcrdata.evidence.refinement import RefinementSettings, Sightings, refine
+from tcrdata.evidence.refinement import refine
+from tcrdata.evidence.sightings import RefinementSettings, Sightings
 from tcrdata.geometry.boxes import bev_iou
 
 SIZE = (4.2, 1.8)
