@@ -219,6 +219,14 @@ def views(*, store: StoreUrl) -> int:
     return run_views(store)
 
 
+@app.command
+def warm() -> int:
+    """Compile the numeric kernels once, so that the first build does not wait for them."""
+    from tcrdata.commands import run_warm
+
+    return run_warm()
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command; an error becomes one line on stderr and a non-zero exit."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)

@@ -134,22 +134,24 @@ def run_evaluate(store_url: str, selection: str | None, *, moving_only: bool, as
     sys.stdout.write(result.protocol + "\n\n")
     for name in result.without_truth:
         console.say(f"left out: {name} has no ground truth")
-    rows = _score_rows(result, "moving" if moving_only else "all")
+    rows = _score_rows(result, ("moving",) if moving_only else ("all", "moving"))
     console.print_table("", ("score", "view", *map(str, settings.ious)), rows)
     return 0
 
 
-def _score_rows(result: Any, subset: str) -> list[tuple[Any, ...]]:
-    """One row a metric and view, over all sequences."""
+def _score_rows(result: Any, subsets: tuple[str, ...]) -> list[tuple[Any, ...]]:
+    """One row a metric, subset and view, over all sequences; precision knows no subset."""
     from tcrdata.evaluation.protocol import VIEWS
     from tcrdata.evaluation.scoring import METRICS
 
     rows: list[tuple[Any, ...]] = []
     for metric in METRICS:
-        for view in VIEWS:
-            found = result.find(subset, view, metric)
-            values = (found[iou].value for iou in sorted(found))
-            rows.append((f"{metric.replace('_', ' ')}, {subset}", view, *values))
+        for subset in subsets[:1] if metric == "precision" else subsets:
+            for view in VIEWS:
+                found = result.find(subset, view, metric)
+                values = [found[iou].value for iou in sorted(found)]
+                name = metric.replace("_", " ")
+                rows.append((name if metric == "precision" else f"{name}, {subset}", view, *values))
     return rows
 
 
@@ -239,6 +241,16 @@ def run_views(store_url: str) -> int:
     ).fetchall()
     for (sql,) in definitions:
         sys.stdout.write(f"{sql}\n")
+    return 0
+
+
+def run_warm() -> int:
+    """Compile the kernels and say how long it took."""
+    from tcrdata.warming import warm
+
+    started = time.perf_counter()
+    warm()
+    console.say(f"kernels are compiled ({time.perf_counter() - started:.1f} s)")
     return 0
 
 

@@ -66,6 +66,7 @@ def draw_frames(
         path.write_bytes(picture)
         yield path
         yield from _flow_file(store, frame, out)
+    yield from _track_file(store, handle.connection, selection_id, info, out)
 
 
 def _sequence_row(store: Store, sequence: str | None) -> dict[str, Any]:
@@ -93,19 +94,18 @@ def _boxes(
     connection: Any, selection_id: str, frame: Frame, *, with_truth: bool
 ) -> dict[str, FloatArray]:
     parameters = {
-        "drawn_selection": selection_id,
-        "drawn_dataset": frame.dataset,
-        "drawn_sequence": frame.sequence,
-        "drawn_frame": frame.frame,
-        "drawn_truth": with_truth,
+        "selection_id": selection_id,
+        "pictured_dataset": frame.dataset,
+        "pictured_sequence": frame.sequence,
+        "pictured_frames": [frame.frame],
     }
-    rows = run_report(connection, "frame_boxes", parameters).to_arrow_table().to_pylist()
-    kinds = sorted({row["kind"] for row in rows} | {"labels"})
+    rows = run_report(connection, "picture_boxes", parameters).to_arrow_table().to_pylist()
+    kinds = {"labels", *(row["kind"] for row in rows)} - (set() if with_truth else {"truth"})
     return {
         kind: np.array(
             [[row[name] for name in BOX_COLUMNS] for row in rows if row["kind"] == kind]
         ).reshape(-1, 7)
-        for kind in kinds
+        for kind in sorted(kinds)
     }
 
 
@@ -128,6 +128,42 @@ def _votes(store: Store, frame: Frame) -> Any:
         row = rows[0]
         found[cue] = decode_points(row["codec"], row["data"], row["number_of_points"])
     return Votes(found["votes_free"], found["votes_static"])
+
+
+def _track_file(
+    store: Store, connection: Any, selection_id: str, info: dict[str, Any], out: Path
+) -> Iterator[Path]:
+    """Write the path of the camera and of each selected track, seen from above."""
+    from tcrdata.evidence.poses import read_poses
+    from tcrdata.views.track_picture import track_picture
+
+    poses = read_poses(store.tables(info["dataset"], info["sequence"], ROUND))
+    frames = sorted(poses.world_T_level)
+    places = {frame: place for place, frame in enumerate(frames)}
+    parameters = {
+        "selection_id": selection_id,
+        "pictured_dataset": info["dataset"],
+        "pictured_sequence": info["sequence"],
+    }
+    tracks: dict[str, list[tuple[int, list[float]]]] = {}
+    for row in run_report(connection, "picture_boxes", parameters).to_arrow_table().to_pylist():
+        if row["kind"] == "labels" and row["track_id"] and row["frame"] in places:
+            box = [row[name] for name in BOX_COLUMNS]
+            name = row["track_id"].rpartition("/")[2]
+            tracks.setdefault(name, []).append((places[row["frame"]], box))
+    if not tracks:
+        return
+    picture = track_picture(
+        np.array([poses.world_T_level[frame] for frame in frames]),
+        {
+            name: (np.array([place for place, _ in found]), np.array([box for _, box in found]))
+            for name, found in tracks.items()
+        },
+        f"{info['dataset']} {info['sequence']}: the camera's path and the selected tracks",
+    )
+    path = out / f"{info['sequence']}-tracks.png"
+    path.write_bytes(picture)
+    yield path
 
 
 def _flow_file(store: Store, frame: Frame, out: Path) -> Iterator[Path]:

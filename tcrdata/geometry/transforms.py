@@ -9,7 +9,7 @@ from tcrdata.types import FloatArray
 
 
 def transform_points(a_T_b: ArrayLike, points_b: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Return (N, 3) points in frame a, in the dtype of the points.
+    """Return (N, 3) points in frame a, in the dtype of the points; takes (3, 4) or (4, 4).
 
     Sums in a fixed order, without a matrix product: its bits could depend on the threads.
     """
@@ -54,7 +54,7 @@ def level_project(
         (N, 2) pixels (column, row) and (N,) depths in metres; pixels of points at a depth
         <= 0 are NaN.
     """
-    homogeneous = points.astype(np.float64) @ level_projection[:, :3].T + level_projection[:, 3]
+    homogeneous = np.asarray(transform_points(level_projection, points.astype(np.float64)))
     depth = homogeneous[:, 2]
     safe = np.where(depth > 0, depth, np.nan)
     return homogeneous[:, :2] / safe[:, None], depth
