@@ -116,7 +116,7 @@ def _size(
         [settings.length_quantile, settings.width_quantile]
     )
     if not sees_length and sees_width and width >= settings.vehicle_width_m:
-        length = max(length, settings.vehicle_aspect * width)
+        length = max(length, settings.vehicle_aspect * min(width, settings.vehicle_most_width_m))
     if not sees_width and sees_length and length >= settings.vehicle_length_m:
         width = max(width, min(length / settings.vehicle_aspect, settings.vehicle_most_width_m))
     return length, width

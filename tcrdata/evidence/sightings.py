@@ -33,7 +33,7 @@ class RefinementSettings:
         vehicle_width_m: what is wider, and never showed its length, is taken for a vehicle.
         vehicle_length_m: what is longer, and never showed its width, is too.
         vehicle_aspect: length over width of a vehicle.
-        vehicle_most_width_m: width that a vehicle of unknown width has at most.
+        vehicle_most_width_m: width from which no more is concluded.
     """
 
     passes: int = 4
