@@ -130,6 +130,7 @@ def build(plan: Plan, store_url: str, *, workers: int, progress: Progress) -> Bu
         for name in plan.presets
         if any(outcome.state in ("done", "made") for outcome in outcomes)
     )
+    store.checkpoint()
     return BuildReport(tuple(outcomes), selections)
 
 

@@ -119,5 +119,5 @@ def test_a_dotted_path_is_a_plug_in(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_unknown_plug_ins_list_what_there_is() -> None:
-    with pytest.raises(SettingsError, match="no datasets named 'kity': there are .*kitti"):
+    with pytest.raises(SettingsError, match=r"no datasets named 'kity': there are .*kitti"):
         registry.find("datasets", "kity")
