@@ -187,18 +187,26 @@ def points_in_box(
     xyz: NDArray[np.floating], box: NDArray[np.floating], margin_m: float = 0.0
 ) -> BoolArray:
     """Return which of (N, 3) level points lie in a (7,) box grown by a margin on every side."""
-    center, half = np.asarray(box[:3], np.float64), np.asarray(box[3:6], np.float64) / 2 + margin_m
-    reach = math.hypot(half[0], half[1])
-    inside: BoolArray = np.abs(xyz[:, 0] - center[0]) <= reach
-    candidates = np.flatnonzero(inside)
-    near = xyz[candidates]
-    local = box_coordinates(near[:, [0, 2]], box)
-    inside[candidates] = (
-        (np.abs(local[:, 0]) <= half[0])
-        & (np.abs(local[:, 1]) <= half[1])
-        & (np.abs(near[:, 1] - center[1]) <= half[2])
-    )
-    return inside
+    return _inside(np.ascontiguousarray(xyz), np.asarray(box, dtype=np.float64), margin_m)
+
+
+@_compiled
+def _inside(xyz: NDArray[np.floating], box: FloatArray, margin_m: float) -> BoolArray:
+    c, s = math.cos(box[6]), math.sin(box[6])
+    length, width, height = box[3] / 2 + margin_m, box[4] / 2 + margin_m, box[5] / 2 + margin_m
+    reach = math.hypot(length, width)
+    result = np.zeros(len(xyz), np.bool_)
+    for i in range(len(xyz)):
+        dx = xyz[i, 0] - box[0]
+        if abs(dx) > reach:
+            continue
+        dz = xyz[i, 2] - box[2]
+        result[i] = (
+            abs(dx * c - dz * s) <= length
+            and abs(dx * s + dz * c) <= width
+            and abs(xyz[i, 1] - box[1]) <= height
+        )
+    return result
 
 
 def edge_distance(xz: NDArray[np.floating], box: NDArray[np.floating]) -> FloatArray:
