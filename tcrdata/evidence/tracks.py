@@ -9,7 +9,7 @@ its frames, however poor: which of them moved is for rules to say.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -60,6 +60,7 @@ class Settings:
     Attributes:
         linking: gates of the association.
         refinement: of one track over all of its frames.
+        first_passes: passes of the first refinement, which only has to place the boxes.
         probe: how boxes are looked at in a frame.
         least_sightings: shorter tracks are no rows; every rule asks for more.
         extend_frames: most frames beyond a track's ends.
@@ -70,6 +71,7 @@ class Settings:
 
     linking: LinkingSettings = field(default_factory=LinkingSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
+    first_passes: int = 2
     probe: ProbeSettings = field(default_factory=ProbeSettings)
     least_sightings: int = 2
     extend_frames: int = 5
@@ -124,6 +126,7 @@ def _refine_clusters(work: _Work, tracks: list[Track]) -> list[tuple[Track, Shap
     """Refine each track on its clusters' points alone, trusting every edge."""
     points = _gather(work, tracks)
     above = np.nan_to_num(work.clusters.numbers["bottom_above_ground_m"])
+    quick = replace(work.refinement, passes=work.settings.first_passes)
     shapes = []
     for track in tracks:
         sightings = [
@@ -132,7 +135,7 @@ def _refine_clusters(work: _Work, tracks: list[Track]) -> list[tuple[Track, Shap
             if len(points.get(row, ()))
         ]
         if sightings:
-            shapes.append((track, shape_of(sightings, work.world, work.refinement)))
+            shapes.append((track, shape_of(sightings, work.world, quick)))
     return shapes
 
 
