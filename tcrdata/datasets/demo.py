@@ -33,7 +33,7 @@ from tcrdata.types import (
 )
 
 VERSION = 1
-METRIC_SCALE = 0.2
+METRIC_SCALE = 0.35
 MAX_DEPTH_M = 20.0
 CAMERA = Camera(
     projection=((350.0, 0.0, 160.0, 0.0), (0.0, 350.0, 120.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
