@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tcrdata import console
+from tcrdata import console, printing
 from tcrdata.errors import MissingEvidenceError, QueryError, SettingsError
 from tcrdata.frame_ranges import parse_frame_ranges
 from tcrdata.settings import parse_assignments, read_toml
@@ -62,9 +62,9 @@ def run_build(
             report = pipeline.build(plan, store_url, workers=count, progress=progress)
     seconds = time.perf_counter() - started
     if as_json:
-        console.print_json(_report_json(report, seconds))
+        console.print_json(printing.build_json(report, seconds))
     else:
-        _print_report(report, plan.sequences, store_url, seconds, only_plan=only_plan)
+        printing.print_build(report, plan.sequences, store_url, seconds, only_plan=only_plan)
     return 1 if report.count("failed") else 0
 
 
@@ -81,9 +81,9 @@ def run_check(
     )
     seconds = time.perf_counter() - started
     if as_json:
-        console.print_json(_selection_json(selection))
+        console.print_json(printing.selection_json(selection))
     else:
-        _print_selection(selection)
+        printing.print_selection(selection)
         console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {store_url}")
     return 0
 
@@ -97,11 +97,11 @@ def run_sql(store_url: str, query: str, *, as_json: bool, as_csv: bool) -> int:
     if as_json and as_csv:
         raise SettingsError("--json and --csv: choose one")
     handle = tcrdata.open(store_url)
-    if not as_json and not as_csv:
-        relation = handle.sql(query)
-        sys.stdout.write(f"{relation}\n" if relation is not None else "")
-        return 0
     try:
+        if not as_json and not as_csv:
+            relation = handle.sql(query)
+            sys.stdout.write(f"{relation}\n" if relation is not None else "")
+            return 0
         cursor = handle.connection.execute(query)
         names = [column[0] for column in cursor.description or ()]
         if as_json:
@@ -215,7 +215,12 @@ def run_draw(
 
     store = open_store(store_url)
     chosen = _selected(store, selection)
-    for path in draw_frames(store, chosen, Path(out), sequence, frames, with_truth=truth):
+    folder = Path(out)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise SettingsError(f"--out {out}: {error.strerror}: give another folder") from error
+    for path in draw_frames(store, chosen, folder, sequence, frames, with_truth=truth):
         sys.stdout.write(f"{path}\n")
     return 0
 
@@ -227,7 +232,10 @@ def run_views(store_url: str) -> int:
         StoreError: the store is not a local folder, which a shell could not read by itself.
     """
     import tcrdata
+    from tcrdata.errors import StoreError
 
+    if "://" in store_url and not store_url.startswith("file:"):
+        raise StoreError(f"{store_url}: views are for a store in a local folder: copy it to one")
     handle = tcrdata.open(store_url)
     definitions = handle.connection.execute(
         """
@@ -267,62 +275,3 @@ def _selected(store: Any, name: str | None) -> str:
 
 def _default_workers() -> int:
     return min(len(os.sched_getaffinity(0)), MOST_WORKERS_BY_DEFAULT)
-
-
-def _report_json(report: Any, seconds: float) -> dict[str, Any]:
-    return {
-        "seconds": round(seconds, 3),
-        **{state: report.count(state) for state in ("made", "done", "failed", "skipped", "todo")},
-        "units": [
-            {
-                "stage": o.unit.stage,
-                "dataset": o.unit.dataset,
-                "sequence": o.unit.sequence,
-                "round": o.unit.round,
-                "state": o.state,
-                "error": o.error,
-                "frames_left_out": [{"frame": f, "error": e} for f, e in o.frame_errors],
-            }
-            for o in report.outcomes
-        ],
-        "selections": [_selection_json(selection) for selection in report.selections],
-    }
-
-
-def _selection_json(selection: Any) -> dict[str, Any]:
-    return {
-        "selection_id": selection.selection_id,
-        "name": selection.name,
-        "preset": selection.preset,
-        "proposals_judged": selection.proposals_judged,
-        "labels": selection.labels,
-    }
-
-
-def _print_report(
-    report: Any, sequences: tuple[str, ...], store_url: str, seconds: float, *, only_plan: bool
-) -> None:
-    if only_plan:
-        rows = [(o.unit.sequence, o.unit.stage, o.state) for o in report.outcomes]
-        console.print_table("plan", ("sequence", "stage", "state"), rows)
-        console.say(f"{report.count('todo')} of {len(report.outcomes)} units to make")
-        return
-    for selection in report.selections:
-        _print_selection(selection)
-    made, failed = report.count("made"), report.count("failed")
-    skipped = report.count("skipped")
-    if not made and not failed:
-        console.say(f"nothing to do: all {report.count('done')} units were done already")
-    else:
-        console.say(
-            f"{len(sequences)} sequences: {made} units made, {report.count('done')} done before, "
-            f"{failed} failed, {skipped} skipped, in {seconds:.1f} s"
-        )
-    console.say(f"next: tcrdata status --store {store_url}")
-
-
-def _print_selection(selection: Any) -> None:
-    sys.stdout.write(
-        f"selection {selection.selection_id[:12]} '{selection.name}': {selection.labels:,} labels "
-        f"from {selection.proposals_judged:,} proposals\n"
-    )

@@ -41,6 +41,11 @@ def say(message: str) -> None:
     sys.stderr.write(message + "\n")
 
 
+def failure(outcome: UnitOutcome) -> str:
+    """Return the line that says where a unit failed and why."""
+    return f"failed: {_place(outcome)}: {outcome.error}"
+
+
 @contextmanager
 def build_progress(total: int) -> Iterator[Callable[[UnitOutcome], None]]:
     """Show a bar of units on stderr while a build runs; only failures when not a terminal."""
@@ -67,15 +72,18 @@ def build_progress(total: int) -> Iterator[Callable[[UnitOutcome], None]]:
 
         def advance(outcome: UnitOutcome) -> None:
             bar.update(task, advance=1, description=f"{outcome.unit.sequence} {outcome.unit.stage}")
-            where = f"{outcome.unit.dataset}/{outcome.unit.sequence} {outcome.unit.stage}"
             if outcome.state == "failed":
-                bar.console.print(f"failed: {where}: {outcome.error}", soft_wrap=True, markup=False)
+                bar.console.print(failure(outcome), soft_wrap=True, markup=False)
             if outcome.state == "made":
                 for frame, message in outcome.frame_errors:
-                    line = f"left out: {where} frame {frame}: {message}"
+                    line = f"left out: {_place(outcome)} frame {frame}: {message}"
                     bar.console.print(line, soft_wrap=True, markup=False)
 
         yield advance
+
+
+def _place(outcome: UnitOutcome) -> str:
+    return f"{outcome.unit.dataset}/{outcome.unit.sequence} {outcome.unit.stage}"
 
 
 def _finite(value: Any) -> Any:

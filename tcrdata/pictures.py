@@ -37,7 +37,7 @@ def draw_frames(
     Args:
         store: what to draw from; its dataset must still be where the build read it.
         selection_id: whose labels to draw.
-        out: folder, made when absent.
+        out: folder that is there.
         sequence: the first of the store when None.
         frames: ranges; five spread over the sequence when None.
         with_truth: draw ground truth too.
@@ -50,7 +50,6 @@ def draw_frames(
     info = _sequence_row(store, sequence)
     dataset = registry.find("datasets", info["dataset"]).open_dataset(info["root"])
     handle = tcrdata.open(store.url)
-    out.mkdir(parents=True, exist_ok=True)
     for frame in _chosen(store, info, frames):
         boxes = _boxes(handle.connection, selection_id, frame, with_truth=with_truth)
         picture = frame_picture(

@@ -6,19 +6,19 @@ killed build left half made is not visible, and the next build makes it again.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Literal
 
 from tcrdata import plan as planning
 from tcrdata import registry
-from tcrdata.errors import DatasetError, EvidenceError, SettingsError, TcrdataError
+from tcrdata.errors import DatasetError, EvidenceError, TcrdataError
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.frame_ranges import FrameRanges
 from tcrdata.ingest import frame_inputs, frames_of, ingest_frames, ingest_truth
 from tcrdata.plan import FAILED, FRAMES, ROUND, TRUTH, Plan
-from tcrdata.rules import Selection, load_preset, preset_names, select
-from tcrdata.settings import unknown
+from tcrdata.rules import Selection, preset_names, select
 from tcrdata.store import Store, Unit, open_store
 from tcrdata.types import CueInput, Dataset, Map, SequenceInfo
 
@@ -35,12 +35,14 @@ class UnitOutcome:
             `todo` (in a dry run).
         error: why it failed.
         frame_errors: (frame, message) of frames left out.
+        seconds: wall time it took; for reports alone, never for the store.
     """
 
     unit: Unit
     state: State
     error: str | None = None
     frame_errors: tuple[tuple[int, str], ...] = ()
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -82,22 +84,17 @@ def plan_build(
         DatasetError: the root is none of this dataset, or lacks a sequence.
     """
     adapter = registry.find("datasets", dataset).open_dataset(root)
-    available = adapter.sequences()
-    if missing := sorted(set(sequences or ()) - set(available)):
-        raise DatasetError(
-            f"{adapter.root}: no sequence {', '.join(missing)}; there are {_some(available)}"
-        )
-    presets = tuple(preset_names()) if "all" in presets else presets
     values = assignments or {}
+    names = preset_names() if "all" in presets else presets
     parameters = {name: text for name, text in values.items() if "." not in name}
-    _require_known(parameters, presets)
-    cues = planning.ordered_cues({cue for name in presets for cue in load_preset(name).cues})
+    loaded = planning.loaded_presets(names, parameters)
+    cues = planning.ordered_cues({cue for preset in loaded for cue in preset.cues})
     return Plan(
         dataset=dataset,
         root=adapter.root,
-        sequences=tuple(name for name in available if sequences is None or name in sequences),
+        sequences=planning.chosen_sequences(adapter, sequences),
         frames=frames or FrameRanges(),
-        presets=presets,
+        presets=tuple(names),
         cues=cues,
         cue_settings=planning.cue_settings(cues, {k: v for k, v in values.items() if "." in k}),
         parameters=parameters,
@@ -125,11 +122,8 @@ def build(plan: Plan, store_url: str, *, workers: int, progress: Progress) -> Bu
     for outcome in _outcomes(store, plan, workers):
         progress(outcome)
         outcomes.append(outcome)
-    selections = tuple(
-        select(store, name, overrides=_own_parameters(name, plan), round=ROUND)
-        for name in plan.presets
-        if any(outcome.state in ("done", "made") for outcome in outcomes)
-    )
+    sound = {outcome.unit.stage for outcome in outcomes if outcome.state in ("done", "made")}
+    selections = _selections(store, plan) if sound.intersection(plan.cues) else ()
     store.checkpoint()
     return BuildReport(tuple(outcomes), selections)
 
@@ -179,6 +173,7 @@ def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> It
             failed.add(unit.stage)
             yield UnitOutcome(unit, "skipped", f"{', '.join(sorted(broken))} failed")
             continue
+        started = time.perf_counter()
         try:
             if unit.stage == FRAMES:
                 info = dataset.info(sequence)
@@ -188,7 +183,9 @@ def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> It
             _record_failure(store, plan, unit, str(error))
             yield UnitOutcome(unit, "failed", str(error))
             continue
-        yield UnitOutcome(unit, "made" if made else "done", None, _frame_errors(store, unit))
+        state: State = "made" if made else "done"
+        seconds = time.perf_counter() - started
+        yield UnitOutcome(unit, state, None, _frame_errors(store, unit), seconds)
 
 
 def _outcomes(store: Store, plan: Plan, workers: int) -> Iterator[UnitOutcome]:
@@ -203,6 +200,13 @@ def _outcomes(store: Store, plan: Plan, workers: int) -> Iterator[UnitOutcome]:
         else:
             for sequence in plan.sequences:
                 yield from build_sequence(store, plan, sequence, parallel)
+
+
+def _selections(store: Store, plan: Plan) -> tuple[Selection, ...]:
+    return tuple(
+        select(store, preset, overrides=planning.own_parameters(preset, plan.parameters))
+        for preset in planning.loaded_presets(plan.presets, plan.parameters)
+    )
 
 
 def _whole_sequence(task: tuple[str, Plan, str]) -> list[UnitOutcome]:
@@ -284,20 +288,3 @@ def _record_failure(store: Store, plan: Plan, unit: Unit, error: str) -> None:
 def _frame_errors(store: Store, unit: Unit) -> tuple[tuple[int, str], ...]:
     record = store.record(unit)
     return record.failed_frames if record is not None else ()
-
-
-def _require_known(parameters: dict[str, str], presets: tuple[str, ...]) -> None:
-    every = {parameter for name in presets for parameter in load_preset(name).parameters}
-    for name in parameters:
-        if name not in every:
-            raise SettingsError(unknown(f"parameter '{name}'", name, every))
-
-
-def _own_parameters(preset: str, plan: Plan) -> dict[str, str]:
-    """Return those overrides that a preset has: with several presets each takes its own."""
-    known = load_preset(preset).parameters
-    return {name: text for name, text in plan.parameters.items() if name in known}
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")

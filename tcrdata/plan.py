@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from tcrdata import __version__, registry, settings
-from tcrdata.errors import SettingsError
+from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.frame_ranges import FrameRanges
+from tcrdata.rules import Preset, load_preset, preset_names
 from tcrdata.store import Store, Unit
+from tcrdata.types import Dataset
 
 FRAMES = "frames"
 TRUTH = "ground_truth"
@@ -75,6 +77,50 @@ class Plan:
     def run_id(self) -> str:
         """Identity of the build: the same plan and version, the same id."""
         return settings.digest({"version": __version__, **self.as_plain()})[:16]
+
+
+def chosen_sequences(dataset: Dataset, wanted: tuple[str, ...] | None) -> tuple[str, ...]:
+    """Return the sequences that are wanted, in the dataset's order; all for None.
+
+    Raises:
+        DatasetError: the dataset lacks one, or none is wanted.
+    """
+    available = dataset.sequences()
+    known = ", ".join(available[:8])
+    known += f" and {len(available) - 8} more" if len(available) > 8 else ""
+    if wanted == ():
+        raise DatasetError(f"no sequence named; there are {known}")
+    if missing := sorted(set(wanted or ()) - set(available)):
+        raise DatasetError(f"{dataset.root}: no sequence {', '.join(missing)}; there are {known}")
+    return tuple(name for name in available if wanted is None or name in wanted)
+
+
+def loaded_presets(names: Iterable[str], parameters: dict[str, str]) -> list[Preset]:
+    """Return presets; refuses what their selections would refuse after all the measuring.
+
+    Args:
+        names: of presets, or paths.
+        parameters: overrides; each must belong to one of the presets at least.
+
+    Raises:
+        SettingsError: no preset, an unknown one, an unknown parameter or a value of another type.
+        RuleError: a file is wrong.
+    """
+    presets = [load_preset(name) for name in names]
+    if not presets:
+        raise SettingsError(f"no preset named: there are {', '.join(preset_names())}, all")
+    known = {parameter for preset in presets for parameter in preset.parameters}
+    for name in parameters:
+        if name not in known:
+            raise SettingsError(settings.unknown(f"parameter '{name}'", name, known))
+    for preset in presets:
+        preset.fill(own_parameters(preset, parameters))
+    return presets
+
+
+def own_parameters(preset: Preset, parameters: dict[str, str]) -> dict[str, str]:
+    """Return those overrides that a preset has: with several presets each takes its own."""
+    return {name: text for name, text in parameters.items() if name in preset.parameters}
 
 
 def ordered_cues(wanted: Iterable[str]) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ LAYERS = (
     ("store", "reports"),
     ("datasets", "evidence", "rules", "evaluation", "exporters", "views"),
     ("plan", "ingest", "executors", "pipeline", "status", "pictures", "warming"),
-    ("console", "commands", "cli", "__main__"),
+    ("console", "printing", "commands", "cli", "__main__"),
 )
 STRANGERS = LAYERS[3]
 HEAVY = {

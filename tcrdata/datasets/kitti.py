@@ -162,7 +162,9 @@ class KittiDataset:
 
     def _frame(self, common: Frame, number: int, listing: _Listing, time: Timestamp) -> Frame:
         sweep, image = listing.sweeps.get(number), listing.images.get(number)
-        error = "no sweep" if sweep is None else size_error(sweep.path.name, sweep.size_bytes)
+        error: str | None = "no sweep; fetch its .bin again"
+        if sweep is not None:
+            error = size_error(sweep.path.name, sweep.size_bytes)
         error = error or time.error
         return replace(
             common,

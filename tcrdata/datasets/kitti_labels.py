@@ -107,7 +107,9 @@ def read_tracklets(path: Path, level_T_sensor: FloatArray) -> list[LabelledObjec
     try:
         root = ElementTree.fromstring(data)
     except ElementTree.ParseError as error:
-        raise DatasetError(f"'{path}' is not well-formed XML: {error}") from error
+        raise DatasetError(
+            f"'{path}' is not well-formed XML: {error}; fetch it again, or build without it"
+        ) from error
     tracklets = root.findall("./tracklets/item")
     return [
         found

@@ -18,7 +18,7 @@ _LARGEST_M = 10_000.0
 def size_error(name: str, size_bytes: int) -> str | None:
     """Return what is wrong with a sweep of that size, in one line; None when nothing is."""
     if size_bytes == 0:
-        return f"sweep {name} has no points"
+        return f"sweep {name} has no points; fetch it again"
     if size_bytes % _POINT_BYTES:
         return (
             f"sweep {name} is cut short: {size_bytes} bytes are no multiple of {_POINT_BYTES}; "

@@ -94,7 +94,7 @@ def _error(path: Path, lines: Sequence[str], frame: int, time: int | None) -> st
         return f"{place}: missing, the file ends at line {len(lines)}"
     if time is None:
         return f"{place}: '{lines[frame][:40]}' is not a time such as 2011-09-26 13:04:32.345808896"
-    return f"{place}: the time does not rise"
+    return f"{place}: the time does not rise; restore the file"
 
 
 def _parse(line: str) -> int | None:

@@ -125,7 +125,11 @@ def test_an_image_without_a_sweep_is_a_frame_in_error(raw: Raw) -> None:
     dataset, folder = raw
     sweep_file(folder, 2).unlink()
     frame = dataset.frames(DRIVE)[2]
-    assert (frame.frame, frame.status, frame.error) == (2, "error", "no sweep")
+    assert (frame.frame, frame.status, frame.error) == (
+        2,
+        "error",
+        "no sweep; fetch its .bin again",
+    )
     with pytest.raises(FrameError, match=r"frame 2 .* no sweep"):
         dataset.read_points(frame)
 

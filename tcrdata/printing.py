@@ -1,0 +1,84 @@
+"""What builds and selections look like: in lines for people, in plain values for programs."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from tcrdata import console
+
+if TYPE_CHECKING:
+    from tcrdata.pipeline import BuildReport
+    from tcrdata.rules import Selection
+
+
+def build_json(report: BuildReport, seconds: float) -> dict[str, Any]:
+    """Return a build as plain values for JSON."""
+    return {
+        "seconds": round(seconds, 3),
+        **{state: report.count(state) for state in ("made", "done", "failed", "skipped", "todo")},
+        "units": [
+            {
+                "stage": o.unit.stage,
+                "dataset": o.unit.dataset,
+                "sequence": o.unit.sequence,
+                "round": o.unit.round,
+                "state": o.state,
+                "seconds": round(o.seconds, 3),
+                "error": o.error,
+                "frames_left_out": [{"frame": f, "error": e} for f, e in o.frame_errors],
+            }
+            for o in report.outcomes
+        ],
+        "selections": [selection_json(selection) for selection in report.selections],
+    }
+
+
+def selection_json(selection: Selection) -> dict[str, Any]:
+    """Return a selection as plain values for JSON."""
+    return {
+        "selection_id": selection.selection_id,
+        "name": selection.name,
+        "preset": selection.preset,
+        "proposals_judged": selection.proposals_judged,
+        "labels": selection.labels,
+    }
+
+
+def print_build(
+    report: BuildReport,
+    sequences: tuple[str, ...],
+    store_url: str,
+    seconds: float,
+    *,
+    only_plan: bool,
+) -> None:
+    """Print what a build did, or with `only_plan` what it would do, and the next command."""
+    if only_plan:
+        rows = [(o.unit.sequence, o.unit.stage, o.state) for o in report.outcomes]
+        console.print_table("plan", ("sequence", "stage", "state"), rows)
+        for outcome in report.outcomes:
+            if outcome.error:
+                console.say(console.failure(outcome))
+        console.say(f"{report.count('todo')} of {len(report.outcomes)} units to make")
+        return
+    for selection in report.selections:
+        print_selection(selection)
+    made, failed = report.count("made"), report.count("failed")
+    skipped = report.count("skipped")
+    if not made and not failed:
+        console.say(f"nothing to do: all {report.count('done')} units were done already")
+    else:
+        console.say(
+            f"{len(sequences)} sequences: {made} units made, {report.count('done')} done before, "
+            f"{failed} failed, {skipped} skipped, in {seconds:.1f} s"
+        )
+    console.say(f"next: tcrdata status --store {store_url}")
+
+
+def print_selection(selection: Selection) -> None:
+    """Print a selection as one line."""
+    sys.stdout.write(
+        f"selection {selection.selection_id[:12]} '{selection.name}': {selection.labels:,} labels "
+        f"from {selection.proposals_judged:,} proposals\n"
+    )
