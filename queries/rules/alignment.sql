@@ -1,9 +1,11 @@
 -- The chained egomotion lays the frame's points on the surfaces seen some frames later: unlike the
 -- cycle error this catches an estimator that is consistently wrong. Abstains at the last frames.
--- source: ours: on a slow drive flow RANSAC passes every cycle check and is wrong by 4 times
+-- source: ours: on a slow drive flow RANSAC passes every cycle check and is wrong by 4 times.
+--   Measured: right motion leaves 0.7 on a street at 3 m/s and 0.5 at 20 m/s, motion wrong by a
+--   tenth 0.2
 -- needs: value >= min_alignment_share
 -- cues: odometry, flow_ransac
-set variable min_alignment_share = 0.4;  -- share: of the points that find a neighbour
+set variable min_alignment_share = 0.3;  -- share: of the points that find a neighbour
 set variable alignment_method = 'odometry';  -- estimator: odometry or flow_ransac
 set variable min_alignment_frames = 5;  -- frames: a shorter look ahead says little: abstains
 
