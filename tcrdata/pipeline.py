@@ -144,22 +144,27 @@ def dry_run(plan: Plan, store_url: str) -> BuildReport:
 def _foreseen(
     store: Store | None, plan: Plan, dataset: Dataset, sequence: str
 ) -> Iterator[UnitOutcome]:
-    """Yield each unit as `done` or `todo`: once one is to do, so is all that comes after."""
+    """Yield each unit as `done` or `todo`: what needs a unit that is to do is to do as well."""
     try:
         info = dataset.info(sequence)
     except DatasetError as error:
         yield UnitOutcome(Unit(FRAMES, plan.dataset_name, sequence, ROUND), "failed", str(error))
         return
-    todo = store is None
+    todo: set[str] = set()
     for unit in plan.units(sequence):
-        if store is not None and not todo:
-            todo = store.record(unit) is None or (
-                unit.stage != TRUTH
-                and not store.is_done(
-                    unit, plan.settings_hash(unit.stage), _inputs(store, plan, unit, info)
-                )
-            )
-        yield UnitOutcome(unit, "todo" if todo else "done")
+        if todo.intersection(_needs(unit.stage)) or not _is_done(store, plan, unit, info):
+            todo.add(unit.stage)
+        yield UnitOutcome(unit, "todo" if unit.stage in todo else "done")
+
+
+def _is_done(store: Store | None, plan: Plan, unit: Unit, info: SequenceInfo) -> bool:
+    """Whether a build would leave a unit as it is; labels are not read to know it."""
+    record = store.record(unit) if store is not None else None
+    if store is None or record is None:
+        return False
+    if unit.stage == TRUTH:
+        return FAILED not in record.inputs
+    return record.matches(plan.settings_hash(unit.stage), _inputs(store, plan, unit, info))
 
 
 def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> Iterator[UnitOutcome]:
