@@ -6,6 +6,7 @@ import contextlib
 import io
 import json
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -55,3 +56,15 @@ def refused(*arguments: object) -> str:
     assert "Traceback" not in result.err
     assert "unexpected" not in result.err
     return result.err.strip()
+
+
+def build_command(root: object, store: object, *more: object) -> tuple[object, ...]:
+    """A build of a KITTI folder in this process."""
+    where = ("--root", root, "--store", store)
+    return ("build", "--dataset", "kitti", *where, "--workers", 1, *more)
+
+
+def status_of(store: Path) -> dict[str, Any]:
+    """What `status --json` says."""
+    found: dict[str, Any] = done("status", "--store", store, "--json").json
+    return found

@@ -134,7 +134,7 @@ class Filesystem:
                 # A Path costs three times as much, and connections ask for thousands of files.
                 return os.stat(self.full_path(path)).st_size  # noqa: PTH116
             return int(self.fs.size(self.full_path(path)))
-        except FileNotFoundError:
+        except (FileNotFoundError, NotADirectoryError):
             return None
 
     def find(self, folder: str) -> list[str]:
