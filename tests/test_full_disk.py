@@ -12,9 +12,7 @@ from typing import Any
 
 import pytest
 from cli_runs import build_command, done, refused
-from kitti_tree import (
-    write_raw,
-)
+from kitti_tree import write_raw
 from store_files import digests
 
 from tcrdata.store import open_store
