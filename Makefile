@@ -19,7 +19,6 @@ $(STAMP): pyproject.toml constraints.txt
 demo: setup
 	$(BIN)/tcrdata build --dataset demo --store $(DEMO)/store
 	$(BIN)/tcrdata evaluate --store $(DEMO)/store
-	$(BIN)/tcrdata evaluate --store $(DEMO)/store --moving-only
 	$(BIN)/tcrdata draw --store $(DEMO)/store --out $(DEMO)/pictures
 	@echo "pictures: $(DEMO)/pictures   store: $(DEMO)/store"
 	@echo "next: $(BIN)/tcrdata sql \"select source, count(*) from proposals group by all\" --store $(DEMO)/store"
