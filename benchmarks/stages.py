@@ -23,7 +23,7 @@ from pathlib import Path
 import psutil
 
 PRESETS = ("tcrdata", "tcrdata_static", "paper", "release")
-SAMPLE_EVERY_S = 0.1
+SAMPLE_EVERY_S = 0.25
 MEGABYTE = 1e6
 
 
