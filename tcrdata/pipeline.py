@@ -98,6 +98,7 @@ def plan_build(
         cues=cues,
         cue_settings=planning.cue_settings(cues, {k: v for k, v in values.items() if "." in k}),
         parameters=parameters,
+        loaded=tuple(loaded),
     )
 
 
@@ -209,8 +210,13 @@ def _outcomes(store: Store, plan: Plan, workers: int) -> Iterator[UnitOutcome]:
 
 def _selections(store: Store, plan: Plan) -> tuple[Selection, ...]:
     return tuple(
-        select(store, preset, overrides=planning.own_parameters(preset, plan.parameters))
-        for preset in planning.loaded_presets(plan.presets, plan.parameters)
+        select(
+            store,
+            preset,
+            overrides=planning.own_parameters(preset, plan.parameters),
+            leave_out_unfinished=True,
+        )
+        for preset in plan.loaded
     )
 
 

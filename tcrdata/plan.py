@@ -34,6 +34,7 @@ class Plan:
         cues: stages in an order in which each comes after those it needs.
         cue_settings: frozen settings, one a cue.
         parameters: overrides of rule parameters, name to SQL literal.
+        loaded: the presets, read when the build was planned.
     """
 
     dataset: str
@@ -44,6 +45,7 @@ class Plan:
     cues: tuple[str, ...]
     cue_settings: dict[str, Any] = field(default_factory=dict)
     parameters: dict[str, str] = field(default_factory=dict)
+    loaded: tuple[Preset, ...] = field(default=(), repr=False)
 
     def units(self, sequence: str) -> list[Unit]:
         """The units of work of one sequence, in order."""

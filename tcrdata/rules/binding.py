@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import duckdb
@@ -140,21 +140,23 @@ class Binder:
 
     def _check_functions(self, file: SqlFile, tree: _Tree) -> None:
         """Refuse what may say something else tomorrow."""
-        unstable = sorted(self._unstable & set(tree.functions))
+        unstable = sorted(_unstable() & set(tree.functions))
         if unstable:
             raise RuleError(
                 f"{file.path}:{file.select_line}: {unstable[0]}() may differ from run to run; "
                 "a verdict depends on evidence and parameters alone"
             )
 
-    @cached_property
-    def _unstable(self) -> set[str]:
-        """Functions of time, chance, session or state."""
-        rows = self.connection.execute(
+
+@cache
+def _unstable() -> frozenset[str]:
+    """Functions of time, chance, session or state: the same in every connection."""
+    with duckdb.connect() as connection:
+        rows = connection.execute(
             "select distinct function_name from duckdb_functions() "
             "where stability in ('VOLATILE', 'CONSISTENT_WITHIN_QUERY')"
         ).fetchall()
-        return {str(name) for (name,) in rows} - {"error"}
+    return frozenset(str(name) for (name,) in rows) - {"error"}
 
 
 def _check_alone(file: SqlFile, tree: _Tree) -> None:

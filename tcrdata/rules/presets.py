@@ -142,8 +142,12 @@ def load_preset(name: str) -> Preset:
             "or give the path of a .sql file"
         )
     with Binder() as binder:
-        rules = load_rules(path.parent / "rules" if own else None, binder)
         file = read_sql_file(path, FIELDS, binder.connection)
+        if own:
+            rules = load_rules(path.parent / "rules", binder)
+        else:
+            # What ships fits together (a test sees to it), so that the others need not be read.
+            rules = load_rules(None, binder, names_in(file.fields["rules"]))
         chosen = _chosen(file, rules)
         parameters = _parameters(file, rules, chosen)
         literals = {name: parameter.literal for name, parameter in parameters.items()}

@@ -67,12 +67,17 @@ def load_rule(path: Path, binder: Binder) -> Rule:
     )  # fmt: skip
 
 
-def load_rules(folder: Path | None = None, binder: Binder | None = None) -> dict[str, Rule]:
+def load_rules(
+    folder: Path | None = None,
+    binder: Binder | None = None,
+    named: Iterable[str] | None = None,
+) -> dict[str, Rule]:
     """Read the rules that ship with tcrdata, and those of a folder of one's own.
 
     Args:
         folder: holds `<rule>.sql` files; its names and parameters must not be taken already.
         binder: binds them; one of its own without.
+        named: read no others; None for all.
 
     Returns:
         name to rule, sorted by name.
@@ -82,12 +87,13 @@ def load_rules(folder: Path | None = None, binder: Binder | None = None) -> dict
     """
     if binder is None:
         with Binder() as own:
-            return load_rules(folder, own)
+            return load_rules(folder, own, named)
     shipped = resource_folder("queries") / "rules"
     paths = sorted(shipped.glob("*.sql"))
     if folder is not None and folder.resolve() != shipped.resolve():
         paths += sorted(folder.glob("*.sql"))
-    rules = [load_rule(path, binder) for path in paths]
+    wanted = {path.stem for path in paths} if named is None else set(named)
+    rules = [load_rule(path, binder) for path in paths if path.stem in wanted]
     check_unique([p for rule in rules for p in rule.parameters])
     for index, rule in enumerate(rules):
         earlier = next((r for r in rules[:index] if r.name == rule.name), None)

@@ -60,6 +60,7 @@ def select(
     name: str | None = None,
     round: int = 1,
     snapshot: str | None = None,
+    leave_out_unfinished: bool = False,
 ) -> Selection:
     """Judge a store's proposals with a preset, write the labels and point to them.
 
@@ -70,6 +71,8 @@ def select(
         name: of the selection; the preset's without one.
         round: EM round whose evidence is read.
         snapshot: read its files instead of those of this moment.
+        leave_out_unfinished: judge no proposal of a sequence that lacks a stage: another build
+            may be at work on it, and selects when it is through.
 
     Raises:
         SettingsError: unknown preset or parameter, or a value of the wrong type.
@@ -78,9 +81,18 @@ def select(
     """
     loaded = load_preset(preset) if isinstance(preset, str) else preset
     filled = loaded.fill(overrides)
-    _require_evidence(store, filled, round)
+    lacking = _lacking(store, filled, round)
+    unfinished = [(*key, stages) for key, stages in lacking.items() if stages]
+    if unfinished and not leave_out_unfinished:
+        raise _missing(store, filled, *unfinished[0])
     frozen = store.snapshot(snapshot) if snapshot else store.freeze(None, EVIDENCE_TABLES)
-    files = [f for f in frozen.files if f.table in EVIDENCE_TABLES and f.unit.round == round]
+    files = [
+        entry
+        for entry in frozen.files
+        if entry.table in EVIDENCE_TABLES
+        and entry.unit.round == round
+        and not lacking.get((entry.unit.dataset, entry.unit.sequence), filled.cues)
+    ]
     identity = _identity(filled, files, round)
     unit = Unit(STAGE, ANY_DATASET, identity[:16], round)
     name = name or filled.name
@@ -98,8 +110,11 @@ def select(
     )  # fmt: skip
 
 
-def _require_evidence(store: Store, preset: FilledPreset, round: int) -> None:
-    """Every sequence has been through every stage that the preset reads."""
+def _lacking(store: Store, preset: FilledPreset, round: int) -> dict[tuple[str, str], list[str]]:
+    """Each dataset and sequence with the stages that the preset reads and it lacks.
+
+    A sequence of which a stage failed lacks none: more does not come of it.
+    """
     stages: dict[tuple[str, str], set[str]] = defaultdict(set)
     failed = set()
     for record in store.records():
@@ -113,15 +128,21 @@ def _require_evidence(store: Store, preset: FilledPreset, round: int) -> None:
             f"{store.url} holds no evidence of round {round}; run `tcrdata build --dataset D "
             f"--root ROOT --store {store.url} --preset {preset.name}`"
         )
-    for (dataset, sequence), there in sorted(stages.items()):
-        missing = [cue for cue in preset.cues if cue not in there]
-        if missing and (dataset, sequence) not in failed:
-            raise MissingEvidenceError(
-                f"preset {preset.name} reads {', '.join(missing)}, which {dataset}/{sequence} "
-                f"lacks; run `tcrdata build --dataset {dataset} "
-                f"--root {_root(store, dataset, sequence)} --store {store.url} "
-                f"--preset {preset.name}`"
-            )
+    return {
+        key: [] if key in failed else [cue for cue in preset.cues if cue not in there]
+        for key, there in sorted(stages.items())
+    }
+
+
+def _missing(
+    store: Store, preset: FilledPreset, dataset: str, sequence: str, stages: list[str]
+) -> MissingEvidenceError:
+    """Say which build makes what a sequence lacks."""
+    return MissingEvidenceError(
+        f"preset {preset.name} reads {', '.join(stages)}, which {dataset}/{sequence} lacks; "
+        f"run `tcrdata build --dataset {dataset} --root {_root(store, dataset, sequence)} "
+        f"--store {store.url} --preset {preset.name}`"
+    )
 
 
 def _root(store: Store, dataset: str, sequence: str) -> str:
