@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tcrdata import console, printing
+from tcrdata import console, executors, printing
 from tcrdata.errors import MissingEvidenceError, QueryError, SettingsError
 from tcrdata.frame_ranges import parse_frame_ranges
 from tcrdata.settings import parse_assignments, read_toml
@@ -35,6 +35,11 @@ def run_build(
     as_json: bool,
 ) -> int:
     """Build, print the report, and return the exit code: 1 when any unit failed."""
+    count = workers if workers is not None else _default_workers()
+    if count < 1:
+        raise SettingsError(f"--workers {count}: at least one is needed")
+    if count > 1 and not only_plan:
+        executors.start_server()
     from tcrdata import pipeline
 
     if rounds != 1:
@@ -54,9 +59,6 @@ def run_build(
     if only_plan:
         report = pipeline.dry_run(plan, store_url)
     else:
-        count = workers if workers is not None else _default_workers()
-        if count < 1:
-            raise SettingsError(f"--workers {count}: at least one is needed")
         total = len(plan.sequences) * (2 + len(plan.cues))
         with console.build_progress(total) as progress:
             report = pipeline.build(plan, store_url, workers=count, progress=progress)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import multiprocessing.forkserver
 import os
 import threading
 from collections import deque
@@ -18,6 +19,12 @@ from tcrdata.errors import EvidenceError
 T = TypeVar("T")
 R = TypeVar("R")
 
+PRELOAD = ("tcrdata.evidence.preloading", "tcrdata.cli")
+"""Modules imported once, by the server that the workers are forked from.
+
+A worker imports the main module too: the command line's, when that started the build.
+"""
+
 _ONE_THREAD = dict.fromkeys(
     (
         "OMP_NUM_THREADS",
@@ -28,6 +35,8 @@ _ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
+# Arrays of a sweep are freed and asked for again all the time: keep their pages.
+_KEEP_PAGES = {"MALLOC_MMAP_THRESHOLD_": "67108864", "MALLOC_TRIM_THRESHOLD_": "134217728"}
 
 
 class Serial:
@@ -54,15 +63,13 @@ class Processes:
     when it is killed.
     """
 
-    def __init__(self, workers: int, preload: tuple[str, ...] = ()) -> None:
+    def __init__(self, workers: int) -> None:
         """Start no process yet.
 
         Args:
             workers: number of processes.
-            preload: modules imported once, before the workers are forked.
         """
         self.workers = workers
-        self._preload = preload
         self._pool: ProcessPoolExecutor | None = None
 
     def __call__(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
@@ -104,20 +111,28 @@ class Processes:
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
+            start_server()
             context = multiprocessing.get_context("forkserver")
-            context.set_forkserver_preload(list(self._preload))
-            with _environment(_ONE_THREAD):
-                self._pool = ProcessPoolExecutor(
-                    self.workers, mp_context=context, initializer=_end_with_parent
-                )
-                # The server copies the environment when it starts, with the first task.
-                self._pool.submit(os.getpid).result()
+            self._pool = ProcessPoolExecutor(
+                self.workers, mp_context=context, initializer=_end_with_parent
+            )
         return self._pool
 
 
-def executor(workers: int, preload: tuple[str, ...] = ()) -> Serial | Processes:
+def executor(workers: int) -> Serial | Processes:
     """Return the executor for a number of workers: inline for one."""
-    return Serial() if workers <= 1 else Processes(workers, preload)
+    return Serial() if workers <= 1 else Processes(workers)
+
+
+def start_server() -> None:
+    """Start the server that workers are forked from, unless it runs; returns at once.
+
+    It imports what the workers need while this process goes on: the earlier, the better.
+    """
+    multiprocessing.get_context("forkserver").set_forkserver_preload(list(PRELOAD))
+    # The server copies the environment when it starts, and the workers have the server's.
+    with _environment({**_ONE_THREAD, **_KEEP_PAGES}):
+        multiprocessing.forkserver.ensure_running()
 
 
 @contextmanager

@@ -196,8 +196,7 @@ def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> It
 
 def _outcomes(store: Store, plan: Plan, workers: int) -> Iterator[UnitOutcome]:
     """Run sequences side by side, or one after the other with its frames side by side."""
-    preload = tuple(registry.find("evidence", cue).__name__ for cue in plan.cues)
-    with executor(workers, preload) as parallel:
+    with executor(workers) as parallel:
         side_by_side = len(plan.sequences) >= workers and not store.url.startswith("memory")
         if isinstance(parallel, Processes) and side_by_side and len(plan.sequences) > 1:
             tasks = [(store.url, plan, sequence) for sequence in plan.sequences]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ast
 import importlib
 import importlib.metadata
 import importlib.util
@@ -75,13 +74,10 @@ def _modules(kind: str) -> frozenset[str]:
     folder = Path(next(iter(package.submodule_search_locations)))
     function = ENTRY_FUNCTIONS[kind]
     return frozenset(
-        path.stem for path in folder.glob("[a-z]*.py") if function in _top_level_functions(path)
+        path.stem
+        for path in folder.glob("[a-z]*.py")
+        if f"\ndef {function}(" in path.read_text(encoding="utf-8")
     )
-
-
-def _top_level_functions(path: Path) -> set[str]:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
-    return {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
 
 
 def _entry_points(kind: str) -> dict[str, Any]:
