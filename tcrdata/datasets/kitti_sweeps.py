@@ -41,6 +41,9 @@ def read_sweep(path: Path, frame: int) -> Float32Array:
     if wrong:
         raise FrameError(f"frame {frame}: {wrong}")
     points = values.view("<f4").astype(np.float32, copy=False).reshape(-1, len(_COLUMNS))
+    # One pass over all; NaN, too, comes out as no number below the largest.
+    if -_LARGEST_M < points.min() and points.max() < _LARGEST_M:
+        return points
     for column, name in enumerate(_COLUMNS):
         bad = np.count_nonzero(~(np.abs(points[:, column]) < _LARGEST_M))
         if bad:
@@ -61,6 +64,10 @@ def to_level(points: Float32Array, level_T_sensor: FloatArray) -> Float32Array:
     # Column by column: a matrix product would round as the threads share it out, and is slower.
     x, y, z = np.ascontiguousarray(points[:, :3].T)
     result = np.empty((len(points), 3), dtype=np.float32)
+    total, term = np.empty_like(x), np.empty_like(x)
     for row, (a, b, c, offset) in enumerate(level_T_sensor[:3].astype(np.float32)):
-        result[:, row] = a * x + b * y + c * z + offset
+        np.multiply(x, a, out=total)
+        total += np.multiply(y, b, out=term)
+        total += np.multiply(z, c, out=term)
+        np.add(total, offset, out=result[:, row])
     return result
