@@ -45,7 +45,7 @@ class RefinementSettings:
     outlier_deviations: float = 2.0
     jerk_mps3: float = 3.0
     acceleration_mps2: float = 10.0
-    path_m: float = 0.05
+    path_m: float = 0.1
     turn_radps2: float = 0.5
     curvature_1pm: float = 0.2
     still_radps: float = 0.05
