@@ -131,7 +131,8 @@ def _shown(
 ) -> BoolArray:
     """Return (n, 2): whether the side along the length, and the one along the width, is in view.
 
-    A side is when the line of sight meets it steeper than `grazing_share`, or sees the top.
+    A side is when the line of sight meets it steeper than `grazing_share`, or sees the top, and
+    neither of its ends hides behind something nearer.
     """
     away = sightings.sensor - center
     local = np.abs(np.einsum("nij,nj->ni", _axes(yaw), away))
@@ -139,7 +140,8 @@ def _shown(
     length_side = (local[:, 1] - size[1] / 2) / distance >= settings.grazing_share
     width_side = (local[:, 0] - size[0] / 2) / distance >= settings.grazing_share
     from_above = sightings.above_top_m / distance >= settings.grazing_share
-    return np.stack([length_side | from_above, width_side | from_above], axis=1)
+    whole = ~(sightings.distrusted[:, ::2] | sightings.distrusted[:, 1::2])
+    return np.stack([length_side | from_above, width_side | from_above], axis=1) & whole
 
 
 def _anchors(
