@@ -9,12 +9,14 @@ poses refer to the keyframe, so that a slow motion adds up until the points show
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from tcrdata.types import Float32Array, FloatArray
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 # Distances within three standard deviations, told from their median: 3 / 0.6745.
 _NOISE_FACTOR = 4.45
@@ -127,6 +129,8 @@ class DepthPath:
 
 
 def _keyframe(cloud: Any, tree: Any, world_T_level: FloatArray) -> _Keyframe:
+    from scipy.spatial import cKDTree
+
     points = np.asarray(cloud.points())[:, :3]
     normals = np.asarray(cloud.normals())[:, :3]
     return _Keyframe(cloud, tree, points, normals, cKDTree(points), world_T_level)

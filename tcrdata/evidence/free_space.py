@@ -30,7 +30,7 @@ from tcrdata.evidence.range_images import (
     range_image,
     sensor_grid,
 )
-from tcrdata.evidence.votes import add_votes, compile_kernels
+from tcrdata.evidence.votes import add_votes
 from tcrdata.types import (
     CueInput,
     Dataset,
@@ -111,8 +111,6 @@ class _Sweep:
 def run(cue: CueInput) -> Iterator[Rows]:
     """Yield `point_evidence` rows of the cues votes_free, votes_static, votes_occluded (u8)."""
     settings = _adapted(cue.settings, cue.info, cue.frames)
-    if cue.frames:
-        compile_kernels(_grid(cue.frames[0], cue.info.sensor, settings))
     for points, errors in cue.parallel(_vote_chunk, _chunks(cue, settings)):
         yield point_rows(points)
         yield from error_rows(errors)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from tcrdata.evidence.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray
@@ -62,6 +61,8 @@ def heights_above_cells(
     Returns:
         (N,) float32; NaN when no ground point lies within reach.
     """
+    from scipy import ndimage
+
     half = max(int(np.ceil(reach_m / cell_m)), 1)
     sums, counts = _cell_sums(xyz, ground, cell_m, half)
     empty = counts == 0

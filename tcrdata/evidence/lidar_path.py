@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from tcrdata.types import Float32Array, FloatArray
 
@@ -56,6 +55,8 @@ class LidarPath:
 
 def motion_power(motion: FloatArray, exponent: float) -> FloatArray:
     """Return a (4, 4) motion made longer or shorter: its rotation vector and translation."""
+    from scipy.spatial.transform import Rotation
+
     result = np.eye(4)
     turn = Rotation.from_matrix(motion[:3, :3]).as_rotvec()
     result[:3, :3] = Rotation.from_rotvec(turn * exponent).as_matrix()

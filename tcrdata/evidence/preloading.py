@@ -9,6 +9,10 @@ from __future__ import annotations
 import kiss_icp.kiss_icp  # noqa: F401
 import numpy as np
 import pypatchworkpp  # noqa: F401
+import scipy.linalg
+import scipy.ndimage
+import scipy.optimize
+import scipy.spatial.transform  # noqa: F401
 
 from tcrdata import registry
 from tcrdata.evidence.alignment import sort_by_cell

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.evidence.kernels import compiled
-from tcrdata.evidence.range_images import RangeGrid, RangeImage, cells_of, range_image
+from tcrdata.evidence.range_images import RangeGrid, RangeImage, cells_of
 from tcrdata.types import Float32Array, FloatArray, ImageArray
 
 
@@ -97,20 +97,4 @@ def add_votes(
         np.float32(margin_share),
         least_far,
         votes,
-    )
-
-
-def compile_kernels(grid: RangeGrid) -> None:
-    """Compile once and cache on disk, so that worker processes only load machine code."""
-    point = np.zeros((1, 3), np.float32)
-    image = range_image(point, grid)
-    add_votes(
-        np.zeros((3, 1), np.uint8),
-        np.zeros((3, 1), np.float32),
-        image,
-        grid,
-        np.eye(4),
-        margin_m=1.0,
-        margin_share=0.0,
-        least_far=2,
     )

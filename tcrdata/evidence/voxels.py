@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from tcrdata.types import BoolArray, IntArray
 
@@ -62,6 +60,9 @@ def components(packed: IntArray) -> IntArray:
     Returns:
         (N,) labels from 0, in the order in which the components first occur.
     """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     if not len(packed):
         return np.empty(0, dtype=np.int64)
     voxels = from_keys(packed)
