@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TypeVar
 
 import numba
@@ -39,6 +40,20 @@ def _extents(xz: FloatArray, offsets: IntArray, yaw: FloatArray) -> FloatArray:
             result[i, 0], result[i, 1] = min(result[i, 0], along), max(result[i, 1], along)
             result[i, 2], result[i, 3] = min(result[i, 2], across), max(result[i, 3], across)
     return result
+
+
+@dataclass(frozen=True)
+class RefineTask:
+    """Some tracks, for one worker; see `refine`."""
+
+    tracks: tuple[Sightings, ...]
+    settings: RefinementSettings
+    interval_s: float
+
+
+def refine_chunk(task: RefineTask) -> list[RefinedPath]:
+    """Return the refined path of each track."""
+    return [refine(track, task.settings, task.interval_s) for track in task.tracks]
 
 
 def refine(sightings: Sightings, settings: RefinementSettings, interval_s: float) -> RefinedPath:

@@ -129,7 +129,9 @@ def look_chunk(task: ChunkTask) -> list[list[BoxLook] | FrameFailure]:
             result.append(FrameFailure(item.frame.frame, str(error)))
             continue
         grid = sensor_grid(item.frame, task.sensor, LidarCells())
-        view = _View(task, item.frame, xyz, range_image(xyz, grid), grid, _evidence(item, len(xyz)))
+        evidence = _evidence(item, len(xyz))
+        solid = np.flatnonzero(evidence["ground"] == 0)
+        view = _View(task, xyz, range_image(xyz, grid), grid, evidence, solid, xyz[solid])
         result.append(
             [view.look(box, chosen) for box, chosen in zip(item.boxes, item.indices, strict=True)]
         )
@@ -152,21 +154,19 @@ def _evidence(item: FrameTask, count: int) -> dict[str, ImageArray]:
 @dataclass(frozen=True)
 class _View:
     task: ChunkTask
-    frame: Frame
     xyz: Float32Array
     image: RangeImage
     grid: RangeGrid
     evidence: dict[str, ImageArray]
+    solid: IntArray
+    solid_xyz: Float32Array
 
     def look(self, box: FloatArray, cluster: IntArray) -> BoxLook:
         settings, scale = self.task.settings, self.task.metric_scale
         margin_m = settings.margin_m * scale
-        inside = np.flatnonzero(points_in_box(self.xyz, box))
-        inside = inside[self.evidence["ground"][inside] == 0]
-        chosen = cluster
-        if not len(chosen):
-            grown = np.flatnonzero(points_in_box(self.xyz, box, settings.grow_m * scale))
-            chosen = grown[self.evidence["ground"][grown] == 0]
+        grown = np.flatnonzero(points_in_box(self.solid_xyz, box, settings.grow_m * scale))
+        inside = self.solid[grown[points_in_box(self.solid_xyz[grown], box)]]
+        chosen = cluster if len(cluster) else self.solid[grown]
         xyz = self.xyz[thinned(chosen, self.task.most_points)]
         hidden = np.zeros(4, dtype=bool)
         if len(xyz):

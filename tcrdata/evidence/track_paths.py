@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.refinement import refine
 from tcrdata.evidence.sightings import RefinedPath, RefinementSettings, Sightings
 from tcrdata.evidence.track_frames import BoxLook
 from tcrdata.evidence.world import World
@@ -102,33 +101,52 @@ class Sighting:
     observed: bool
 
 
-def shape_of(sightings: list[Sighting], world: World, settings: RefinementSettings) -> Shape:
-    """Return the refined track of sightings in rising order of frames, at least one observed."""
+@dataclass(frozen=True)
+class Prepared:
+    """Sightings of one track, ready to be refined.
+
+    Attributes:
+        first: frame number of the first.
+        seen: in the world, from above.
+        ground_y: (n,) level of the ground below, world y, metres.
+        height_m: (n,) highest point above it.
+    """
+
+    first: int
+    seen: Sightings
+    ground_y: FloatArray
+    height_m: FloatArray
+
+
+def prepared(sightings: list[Sighting], world: World) -> Prepared:
+    """Return sightings in rising order of frames, at least one observed, in the world."""
     first = sightings[0].frame
     moved = [world.point_to_world(s.frame, s.xyz.astype(np.float64)) for s in sightings]
-    step = np.array([s.frame - first for s in sightings], dtype=np.int64)
     sensor = np.array([world.sensor(s.frame) for s in sightings])
-    top = np.array([m[:, 1].min() for m in moved])
-    observed = np.array([s.observed for s in sightings])
-    path = refine(
-        Sightings(
-            step=step,
-            xz=np.ascontiguousarray(np.concatenate(moved)[:, [0, 2]]),
-            offsets=np.cumsum([0, *(len(m) for m in moved)]),
-            sensor=sensor[:, [0, 2]],
-            distrusted=np.array([s.hidden for s in sightings]),
-            counts_for_size=observed,
-            above_top_m=top - sensor[:, 1],
-        ),
-        settings,
-        world.interval_s,
-    )
-    low = np.array([m[:, 1].max() for m in moved])
+    offsets = np.cumsum([0, *(len(m) for m in moved)])
+    points = np.concatenate(moved)
+    top = np.minimum.reduceat(points[:, 1], offsets[:-1])
+    low = np.maximum.reduceat(points[:, 1], offsets[:-1])
     ground = low + np.array([s.above_ground_m for s in sightings])
-    height = float(np.quantile((ground - top)[observed], settings.length_quantile))
-    base = _median_filtered(ground[observed])
-    base_y = np.interp(np.arange(len(path.center)), step[observed], base)
-    return Shape(first, path, base_y, max(height, settings.pad_m))
+    seen = Sightings(
+        step=np.array([s.frame - first for s in sightings], dtype=np.int64),
+        xz=np.ascontiguousarray(points[:, [0, 2]]),
+        offsets=offsets,
+        sensor=sensor[:, [0, 2]],
+        distrusted=np.array([s.hidden for s in sightings]),
+        counts_for_size=np.array([s.observed for s in sightings]),
+        above_top_m=top - sensor[:, 1],
+    )
+    return Prepared(first, seen, ground, ground - top)
+
+
+def shape_of(track: Prepared, path: RefinedPath, settings: RefinementSettings) -> Shape:
+    """Return the track on its refined path, standing on the ground."""
+    observed = track.seen.counts_for_size
+    height = float(np.quantile(track.height_m[observed], settings.length_quantile))
+    base = _median_filtered(track.ground_y[observed])
+    base_y = np.interp(np.arange(len(path.center)), track.seen.step[observed], base)
+    return Shape(track.first, path, base_y, max(height, settings.pad_m))
 
 
 def _median_filtered(values: FloatArray, reach: int = 5) -> FloatArray:

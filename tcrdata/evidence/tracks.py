@@ -2,8 +2,9 @@
 
 The clusters of single frames (source free_space) are linked in the world; each track's boxes are
 refined over all of its frames; gaps are filled and ends extended; what the sweeps show of every
-such box goes into a second refinement. Every track of two sightings or more is a row in each of
-its frames, however poor: which of them moved is for rules to say.
+such box goes into a second refinement. Every track is a row in each of its frames, however poor:
+which of them moved is for rules to say. Only what no rule could accept, for want of sightings or
+of any change of place, is not refined: its clusters stay rows of source free_space.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from tcrdata.evidence.chunks import even_spans
+from tcrdata.evidence.chunks import chunked, even_spans
 from tcrdata.evidence.linked_clusters import Clusters, link_clusters, read_clusters
 from tcrdata.evidence.linking import LinkingSettings
 from tcrdata.evidence.point_rows import EncodedPoints, error_rows, read_encoded
 from tcrdata.evidence.poses import read_poses
+from tcrdata.evidence.refinement import RefineTask, refine_chunk
 from tcrdata.evidence.sightings import RefinementSettings
 from tcrdata.evidence.track_frames import (
     BoxLook,
@@ -35,6 +37,7 @@ from tcrdata.evidence.track_paths import (
     Track,
     kept_places,
     places_of,
+    prepared,
     shape_of,
 )
 from tcrdata.evidence.track_rows import (
@@ -62,22 +65,27 @@ class Settings:
         refinement: of one track over all of its frames.
         first_passes: passes of the first refinement, which only has to place the boxes.
         probe: how boxes are looked at in a frame.
-        least_sightings: shorter tracks are no rows; every rule asks for more.
+        least_sightings: shorter tracks are no rows; every rule asks for as many or more.
+        least_spread_m: tracks whose clusters all lie closer together are none either; every rule
+            asks for more travel.
         extend_frames: most frames beyond a track's ends.
         fill_points: an extension ends where fewer points are in the box; every rule asks for more.
         most_points: points of a cluster that refinement keeps.
         chunk_frames: most frames an item of work.
+        chunk_tracks: most tracks an item of work.
     """
 
     linking: LinkingSettings = field(default_factory=LinkingSettings)
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     first_passes: int = 2
     probe: ProbeSettings = field(default_factory=ProbeSettings)
-    least_sightings: int = 2
+    least_sightings: int = 3
+    least_spread_m: float = 0.5
     extend_frames: int = 5
     fill_points: int = 5
     most_points: int = 256
     chunk_frames: int = 50
+    chunk_tracks: int = 16
 
 
 @dataclass
@@ -99,11 +107,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
     shapes = _refine_clusters(work, tracks)
     places = [places_of(t, s, work.world, work.settings.extend_frames) for t, s in shapes]
     looks = _look(work, places)
-    finished = [
-        _refine_places(work, track, p, k)
-        for (track, _), p, k in zip(shapes, places, looks, strict=True)
-    ]
-    yield from _rows(work, [f for f in finished if f is not None])
+    yield from _rows(work, _refine_places(work, [t for t, _ in shapes], places, looks))
     yield from error_rows(sorted(work.failures.items()))
 
 
@@ -118,8 +122,17 @@ def _link(work: _Work) -> list[Track]:
     linked = link_clusters(
         work.clusters, work.world, work.settings.linking, work.cue.info.metric_scale
     )
-    enough = [rows for rows in linked if len(rows) >= work.settings.least_sightings]
+    enough = [rows for rows in linked if _goes_anywhere(work, rows)]
     return [Track(i, rows, work.clusters.frame[rows]) for i, rows in enumerate(enough)]
+
+
+def _goes_anywhere(work: _Work, rows: IntArray) -> bool:
+    """Return whether a rule could accept a track of these clusters; bounds the work, no more."""
+    centers = work.clusters.world[rows][:, [0, 2]]
+    spread = np.hypot(*np.ptp(centers, axis=0)) / work.cue.info.metric_scale
+    return bool(
+        len(rows) >= work.settings.least_sightings and spread >= work.settings.least_spread_m
+    )
 
 
 def _refine_clusters(work: _Work, tracks: list[Track]) -> list[tuple[Track, Shape]]:
@@ -127,7 +140,7 @@ def _refine_clusters(work: _Work, tracks: list[Track]) -> list[tuple[Track, Shap
     points = _gather(work, tracks)
     above = np.nan_to_num(work.clusters.numbers["bottom_above_ground_m"])
     quick = replace(work.refinement, passes=work.settings.first_passes)
-    shapes = []
+    readable, seen = [], []
     for track in tracks:
         sightings = [
             Sighting(int(frame), points[row], float(above[row]), np.zeros(4, dtype=bool), True)
@@ -135,8 +148,23 @@ def _refine_clusters(work: _Work, tracks: list[Track]) -> list[tuple[Track, Shap
             if len(points.get(row, ()))
         ]
         if sightings:
-            shapes.append((track, shape_of(sightings, work.world, quick)))
-    return shapes
+            readable.append(track)
+            seen.append(sightings)
+    return list(zip(readable, _shapes(work, seen, quick), strict=True))
+
+
+def _shapes(
+    work: _Work, tracks: list[list[Sighting]], settings: RefinementSettings
+) -> Iterator[Shape]:
+    """Refine each track, given its sightings; tracks are many and short, so some an item."""
+    ready = [prepared(sightings, work.world) for sightings in tracks]
+    tasks = (
+        RefineTask(tuple(t.seen for t in part), settings, work.world.interval_s)
+        for part in chunked(ready, work.settings.chunk_tracks)
+    )
+    paths = (path for chunk in work.cue.parallel(refine_chunk, tasks) for path in chunk)
+    for track, path in zip(ready, paths, strict=True):
+        yield shape_of(track, path, settings)
 
 
 def _gather(work: _Work, tracks: list[Track]) -> dict[int, Float32Array]:
@@ -212,14 +240,28 @@ def _look(work: _Work, places: list[list[Place]]) -> list[list[BoxLook | None]]:
 
 
 def _refine_places(
-    work: _Work, track: Track, places: list[Place], looks: list[BoxLook | None]
-) -> Finished | None:
-    """Refine a track again, on all that its places show; None when nothing of it can be read."""
-    if not any(k is not None and p.found == "observed" for p, k in zip(places, looks, strict=True)):
-        return None
-    kept, seen = kept_places(places, looks, work.settings.fill_points)
+    work: _Work,
+    tracks: list[Track],
+    places: list[list[Place]],
+    looks: list[list[BoxLook | None]],
+) -> list[Finished]:
+    """Refine the tracks again, on all that their places show; drop what cannot be read."""
     above = np.nan_to_num(work.clusters.numbers["bottom_above_ground_m"])
-    sightings = [
+    parts, seen = [], []
+    for track, there, shown in zip(tracks, places, looks, strict=True):
+        if all(k is None or p.found != "observed" for p, k in zip(there, shown, strict=True)):
+            continue
+        kept = kept_places(there, shown, work.settings.fill_points)
+        parts.append((track, *kept))
+        seen.append(_sightings(*kept, above, work.settings.fill_points))
+    shapes = _shapes(work, seen, work.refinement)
+    return [Finished(t, shape, p, k) for (t, p, k), shape in zip(parts, shapes, strict=True)]
+
+
+def _sightings(
+    places: list[Place], looks: list[BoxLook], above: FloatArray, fill_points: int
+) -> list[Sighting]:
+    return [
         Sighting(
             place.frame,
             look.xyz,
@@ -227,11 +269,9 @@ def _refine_places(
             look.hidden,
             place.found == "observed",
         )
-        for place, look in zip(kept, seen, strict=True)
-        if len(look.xyz) >= (1 if place.found == "observed" else work.settings.fill_points)
+        for place, look in zip(places, looks, strict=True)
+        if len(look.xyz) >= (1 if place.found == "observed" else fill_points)
     ]
-    shape = shape_of(sightings, work.world, work.refinement)
-    return Finished(track, shape, kept, seen)
 
 
 def _rows(work: _Work, finished: list[Finished]) -> Iterator[Rows]:

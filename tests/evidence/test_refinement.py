@@ -122,6 +122,18 @@ def test_a_car_seen_only_from_behind_is_taken_for_a_car():
     assert overlaps(path, centers, yaws).min() > 0.8
 
 
+def test_a_length_whose_ends_are_hidden_is_not_shown():
+    # The sensor would see along the car, but something in front of its nose and tail hides both.
+    centers, yaws = straight(20, start=(-8.0, 14.0))
+    hidden = np.zeros((20, 4), dtype=bool)
+    hidden[:, :2] = True
+    cut = [-SIZE[0] / 2 + 1.0] * 20
+    part = refine(sightings_of(centers, yaws, cuts=cut, hidden=hidden), RefinementSettings(), 0.1)
+    short = refine(sightings_of(centers, yaws, cuts=cut), RefinementSettings(), 0.1)
+    assert short.length < 1.5
+    assert part.length == pytest.approx(4.2, abs=0.4)
+
+
 def test_a_pedestrian_is_not_taken_for_a_car():
     centers, yaws = straight(30, start=(-2.0, 8.0), step=(0.13, 0.0))
     path = refine(sightings_of(centers, yaws, size=(0.8, 0.6)), RefinementSettings(), 0.1)

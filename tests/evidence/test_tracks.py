@@ -95,6 +95,20 @@ def test_without_clusters_there_is_no_row():
     assert rows_of(BoxWorld((Thing(3.0, 9.0),))) == []
 
 
+def test_what_never_changes_its_place_is_no_track():
+    cue = BoxWorld((Thing(5.0, 12.0, speed=0.1),)).cue(tracks.Settings())
+    assert len(cue.tables._rows["proposals"]) == 20
+    assert collected(tracks.run(cue), "proposals") == []
+    everything = BoxWorld((Thing(5.0, 12.0, speed=0.1),)).cue(tracks.Settings(least_spread_m=0.0))
+    assert len(collected(tracks.run(everything), "proposals")) == 20
+
+
+def test_how_many_tracks_are_refined_at_once_changes_nothing():
+    world = BoxWorld((CAR, Thing(3.0, 9.0, yaw=1.2, speed=4.0)))
+    alone = collected(tracks.run(world.cue(tracks.Settings(chunk_tracks=1))), "proposals")
+    assert rows_of(world) == alone
+
+
 def test_without_poses_there_is_no_row():
     cue = BoxWorld((CAR,)).cue(tracks.Settings())
     cue.tables._rows["egomotions"] = []
