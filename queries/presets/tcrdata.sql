@@ -1,7 +1,7 @@
 -- Our default: tracks of what free space shows to have moved, refined over the whole track and
 -- filled in where they were hidden.
--- rules: source, travels, core_share, height, range, not_overlapped, near_observation,
---   extended_points, cycle_error, alignment
+-- rules: source, travels, core_share, enough_points, height, range, not_overlapped,
+--   near_observation, extended_points, cycle_error, alignment
 -- required: source
 -- cues: odometry, tracks
 set variable taken_source = 'track';

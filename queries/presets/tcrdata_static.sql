@@ -1,7 +1,7 @@
 -- Our default, and things of a vehicle's shape that never moved while the clip ran. Where the
 -- centre of such a thing lies in the box of a track in the same frame, the track wins.
--- rules: source, travels, core_share, height, range, not_overlapped, near_observation,
---   extended_points, static_length, static_width, static_height,
+-- rules: source, travels, core_share, enough_points, height, range, not_overlapped,
+--   near_observation, extended_points, static_length, static_width, static_height,
 --   static_edge_share, static_points, static_age, static_core_share, cycle_error, alignment
 -- required: source
 -- cues: odometry, tracks, static_clusters

@@ -76,8 +76,8 @@ def test_labels_carry_what_was_measured_and_which_rules_passed_them(store: Store
     )
     assert (label["dataset"], label["sequence"], label["length_m"]) == ("d", "a", 4.0)
     assert label["carried_by"] == [
-        "source", "travels", "core_share", "height", "range", "not_overlapped", "near_observation",
-        "cycle_error", "alignment",
+        "source", "travels", "core_share", "enough_points", "height", "range", "not_overlapped",
+        "near_observation", "cycle_error", "alignment",
     ]  # fmt: skip  # extended_points abstained
     (row,) = store.read("selections").to_pylist()
     assert row["selection_id"] == made.selection_id == store.newest_selection("tcrdata")
