@@ -41,6 +41,7 @@ def run_build(
     if count > 1 and not only_plan:
         executors.start_server()
     from tcrdata import pipeline
+    from tcrdata.dry_runs import dry_run
 
     if rounds != 1:
         raise SettingsError(
@@ -57,7 +58,7 @@ def run_build(
     )
     started = time.perf_counter()
     if only_plan:
-        report = pipeline.dry_run(plan, store_url)
+        report = dry_run(plan, store_url)
     else:
         total = len(plan.sequences) * (2 + len(plan.cues))
         with console.build_progress(total) as progress:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tcrdata.pipeline import UnitOutcome
+    from tcrdata.outcomes import UnitOutcome
 
 WIDTH_IN_A_FILE = 120
 

@@ -88,6 +88,7 @@ class Processes:
             while pending:
                 yield pending.popleft().result()
         except BrokenProcessPool as error:
+            self._pool = None
             raise EvidenceError(
                 "a worker process was killed (out of memory?): run again with fewer --workers; "
                 "what is done is kept"

@@ -10,7 +10,7 @@ import numpy as np
 
 from tcrdata import settings
 from tcrdata.errors import DatasetError, FrameError
-from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan
+from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, cue_inputs
 from tcrdata.store import Store, Unit
 from tcrdata.types import Camera, Dataset, Frame, Map, SequenceInfo
 
@@ -45,6 +45,11 @@ def ingest_frames(
             for frame, _ in checked:
                 if problem := frame.error or (_is_fault(frame) and frame.image_error):
                     writer.error(frame.frame, str(problem))
+
+
+def unit_inputs(store: Store, plan: Plan, unit: Unit, info: SequenceInfo) -> dict[str, str]:
+    """Return what a unit's rows follow from besides settings: files, or other units' records."""
+    return frame_inputs(plan, info) if unit.stage == FRAMES else cue_inputs(store, unit)
 
 
 def frame_inputs(plan: Plan, info: SequenceInfo) -> dict[str, str]:

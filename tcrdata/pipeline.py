@@ -8,54 +8,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from typing import Literal
 
 from tcrdata import plan as planning
 from tcrdata import registry
-from tcrdata.errors import DatasetError, EvidenceError, TcrdataError
+from tcrdata.errors import DatasetError, EvidenceError
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.frame_ranges import FrameRanges
-from tcrdata.ingest import frame_inputs, frames_of, ingest_frames, ingest_truth
-from tcrdata.plan import FAILED, FRAMES, ROUND, TRUTH, Plan
+from tcrdata.ingest import frames_of, ingest_frames, ingest_truth, unit_inputs
+from tcrdata.outcomes import BuildReport, State, UnitOutcome
+from tcrdata.plan import FRAMES, TRUTH, Plan, needed_stages
 from tcrdata.rules import Selection, preset_names, select
 from tcrdata.store import Store, Unit, open_store
+from tcrdata.store.failures import clear_failure, record_failure
 from tcrdata.types import CueInput, Dataset, Map, SequenceInfo
-
-State = Literal["done", "made", "failed", "skipped", "todo"]
-
-
-@dataclass(frozen=True)
-class UnitOutcome:
-    """What became of one unit of work.
-
-    Attributes:
-        unit: the unit.
-        state: `done` before, `made` now, `failed`, `skipped` (something it needs failed) or
-            `todo` (in a dry run).
-        error: why it failed.
-        frame_errors: (frame, message) of frames left out.
-        seconds: wall time it took; for reports alone, never for the store.
-    """
-
-    unit: Unit
-    state: State
-    error: str | None = None
-    frame_errors: tuple[tuple[int, str], ...] = ()
-    seconds: float = 0.0
-
-
-@dataclass(frozen=True)
-class BuildReport:
-    """What a build did: one outcome a unit, and the selections it ended with."""
-
-    outcomes: tuple[UnitOutcome, ...]
-    selections: tuple[Selection, ...] = field(default=())
-
-    def count(self, state: State) -> int:
-        """Number of units with a state."""
-        return sum(outcome.state == state for outcome in self.outcomes)
-
 
 Progress = Callable[[UnitOutcome], None]
 
@@ -129,52 +94,13 @@ def build(plan: Plan, store_url: str, *, workers: int, progress: Progress) -> Bu
     return BuildReport(tuple(outcomes), selections)
 
 
-def dry_run(plan: Plan, store_url: str) -> BuildReport:
-    """Return which units a build would make and which are done; writes nothing."""
-    dataset = registry.find("datasets", plan.dataset).open_dataset(plan.root)
-    try:
-        store: Store | None = open_store(store_url)
-    except TcrdataError:
-        store = None
-    outcomes: list[UnitOutcome] = []
-    for sequence in plan.sequences:
-        outcomes.extend(_foreseen(store, plan, dataset, sequence))
-    return BuildReport(tuple(outcomes))
-
-
-def _foreseen(
-    store: Store | None, plan: Plan, dataset: Dataset, sequence: str
-) -> Iterator[UnitOutcome]:
-    """Yield each unit as `done` or `todo`: what needs a unit that is to do is to do as well."""
-    try:
-        info = dataset.info(sequence)
-    except DatasetError as error:
-        yield UnitOutcome(Unit(FRAMES, plan.dataset_name, sequence, ROUND), "failed", str(error))
-        return
-    todo: set[str] = set()
-    for unit in plan.units(sequence):
-        if todo.intersection(_needs(unit.stage)) or not _is_done(store, plan, unit, info):
-            todo.add(unit.stage)
-        yield UnitOutcome(unit, "todo" if unit.stage in todo else "done")
-
-
-def _is_done(store: Store | None, plan: Plan, unit: Unit, info: SequenceInfo) -> bool:
-    """Whether a build would leave a unit as it is; labels are not read to know it."""
-    record = store.record(unit) if store is not None else None
-    if store is None or record is None:
-        return False
-    if unit.stage == TRUTH:
-        return FAILED not in record.inputs
-    return record.matches(plan.settings_hash(unit.stage), _inputs(store, plan, unit, info))
-
-
 def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> Iterator[UnitOutcome]:
     """Make one sequence's units in order, yielding what became of each."""
     dataset: Dataset = registry.find("datasets", plan.dataset).open_dataset(plan.root)
     failed: set[str] = set()
     info: SequenceInfo | None = None
     for unit in plan.units(sequence):
-        needs = _needs(unit.stage)
+        needs = needed_stages(unit.stage)
         if broken := failed.intersection(needs):
             failed.add(unit.stage)
             yield UnitOutcome(unit, "skipped", f"{', '.join(sorted(broken))} failed")
@@ -186,9 +112,10 @@ def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> It
             made = _made(store, plan, dataset, info, unit, parallel)
         except (DatasetError, EvidenceError) as error:
             failed.add(unit.stage)
-            _record_failure(store, plan, unit, str(error))
+            record_failure(store, unit, str(error))
             yield UnitOutcome(unit, "failed", str(error))
             continue
+        clear_failure(store, unit)
         state: State = "made" if made else "done"
         seconds = time.perf_counter() - started
         yield UnitOutcome(unit, state, None, _frame_errors(store, unit), seconds)
@@ -237,7 +164,7 @@ def _made(
         return ingest_truth(store, plan, dataset, unit.sequence)
     if info is None:
         raise EvidenceError(f"{unit.dataset}/{unit.sequence}: its frames were not read")
-    inputs = _inputs(store, plan, unit, info)
+    inputs = unit_inputs(store, plan, unit, info)
     if store.is_done(unit, plan.settings_hash(unit.stage), inputs):
         return False
     if unit.stage == FRAMES:
@@ -274,25 +201,6 @@ def _measure(
                     writer.error(int(frame), error)
             else:
                 writer.append(rows.table, rows.columns)
-
-
-def _needs(stage: str) -> tuple[str, ...]:
-    if stage in (FRAMES, TRUTH):
-        return ()
-    return (FRAMES, *registry.find("evidence", stage).NEEDS)
-
-
-def _inputs(store: Store, plan: Plan, unit: Unit, info: SequenceInfo) -> dict[str, str]:
-    if unit.stage == FRAMES:
-        return frame_inputs(plan, info)
-    return planning.cue_inputs(store, unit)
-
-
-def _record_failure(store: Store, plan: Plan, unit: Unit, error: str) -> None:
-    """Leave a record without rows: `status` names the failure and the next build retries."""
-    inputs = {FAILED: error}
-    with store.writer(unit, settings_hash=plan.settings_hash(unit.stage), inputs=inputs):
-        pass
 
 
 def _frame_errors(store: Store, unit: Unit) -> tuple[tuple[int, str], ...]:

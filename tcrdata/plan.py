@@ -17,8 +17,6 @@ from tcrdata.types import Dataset
 FRAMES = "frames"
 TRUTH = "ground_truth"
 ROUND = 1
-FAILED = "failed"
-"""What a record has as its only input when its unit could not be made: the error."""
 
 
 @dataclass(frozen=True)
@@ -169,11 +167,17 @@ def cue_settings(cues: Iterable[str], assignments: dict[str, str]) -> dict[str, 
     }
 
 
+def needed_stages(stage: str) -> tuple[str, ...]:
+    """Return the stages whose rows a stage reads."""
+    if stage in (FRAMES, TRUTH):
+        return ()
+    return (FRAMES, *registry.find("evidence", stage).NEEDS)
+
+
 def cue_inputs(store: Store, unit: Unit) -> dict[str, str]:
-    """Return the digests of the records that a cue's unit reads."""
-    needed = (FRAMES, *registry.find("evidence", unit.stage).NEEDS)
+    """Return the digests of the records that a unit reads."""
     inputs: dict[str, str] = {}
-    for stage in needed:
+    for stage in needed_stages(unit.stage):
         record = store.record(Unit(stage, unit.dataset, unit.sequence, unit.round))
         inputs[stage] = record.digest if record else "missing"
     return inputs

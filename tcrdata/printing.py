@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tcrdata import console
 
 if TYPE_CHECKING:
-    from tcrdata.pipeline import BuildReport
+    from tcrdata.outcomes import BuildReport
     from tcrdata.rules import Selection
 
 

@@ -6,8 +6,9 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
-from tcrdata.plan import FAILED, ROUND
+from tcrdata.plan import ROUND
 from tcrdata.store import Store, Unit
+from tcrdata.store.failures import current_failures, is_failure
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class StoreStatus:
 
     Attributes:
         done: units with rows, or with none to have.
-        failed: units whose record says why they could not be made.
+        failed: units that could not be made when last tried.
         missing: units that a build was asked for and that have no record.
         tables: (table, rows, bytes, files), sorted.
         problems: (where, frame or None, message).
@@ -51,33 +52,35 @@ class StoreStatus:
 def store_status(store: Store) -> StoreStatus:
     """Return what a store holds, from its commit records alone: no row is read but of `runs`."""
     records = store.records()
-    failed = 0
-    problems: list[tuple[str, int | None, str]] = []
+    failures = current_failures(records)
+    problems: list[tuple[str, int | None, str]] = [
+        (_where(unit), None, error) for unit, error in failures.items()
+    ]
     totals: dict[str, list[int]] = {}
     for record in records:
-        where = f"{record.unit.dataset}/{record.unit.sequence} {record.unit.stage}"
-        if error := record.inputs.get(FAILED):
-            failed += 1
-            problems.append((where, None, error))
-        problems.extend((where, frame, message) for frame, message in record.failed_frames)
+        problems.extend((_where(record.unit), *problem) for problem in record.failed_frames)
         for file in record.files:
             total = totals.setdefault(file.table, [0, 0, 0])
             total[0] += file.rows
             total[1] += file.bytes
             total[2] += 1
-    have = {record.unit for record in records}
+    made = {record.unit for record in records if not is_failure(record)}
     selections = [
         (row["selection_id"], row["name"], row["labels"])
         for row in store.read("selections").to_pylist()
     ]
     return StoreStatus(
-        done=len(records) - failed,
-        failed=failed,
-        missing=len(planned_units(store) - have),
+        done=len(made - set(failures)),
+        failed=len(failures),
+        missing=len(planned_units(store) - made - set(failures)),
         tables=[(name, *totals[name]) for name in sorted(totals)],  # type: ignore[misc]
         problems=problems,
         selections=selections,
     )
+
+
+def _where(unit: Unit) -> str:
+    return f"{unit.dataset}/{unit.sequence} {unit.stage}"
 
 
 def planned_units(store: Store) -> set[Unit]:

@@ -15,7 +15,17 @@ LAYERS = (
     ("geometry", "settings", "registry"),
     ("store", "reports"),
     ("datasets", "evidence", "rules", "evaluation", "exporters", "views"),
-    ("plan", "ingest", "executors", "pipeline", "status", "pictures", "warming"),
+    (
+        "plan",
+        "outcomes",
+        "ingest",
+        "executors",
+        "dry_runs",
+        "pipeline",
+        "status",
+        "pictures",
+        "warming",
+    ),
     ("console", "printing", "commands", "cli", "__main__"),
 )
 STRANGERS = LAYERS[3]

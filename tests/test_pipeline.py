@@ -15,9 +15,12 @@ import pytest
 from kitti_tree import DRIVE, image_file, sweep_file, write_raw
 from store_files import digests
 
+from tcrdata.dry_runs import dry_run
 from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.frame_ranges import parse_frame_ranges
-from tcrdata.pipeline import BuildReport, build, dry_run, plan_build
+from tcrdata.outcomes import BuildReport
+from tcrdata.pipeline import build, plan_build
+from tcrdata.status import store_status
 from tcrdata.store import Unit, open_store
 
 OTHER = "2011_09_26_drive_0009_sync"
@@ -204,6 +207,37 @@ def test_missing_calibration_fails_the_drive_with_its_name(root: Path, tmp_path:
     assert all("calib_velo_to_cam.txt" in str(outcome.error) for outcome in failed)
     assert report.count("skipped") > 0
     assert report.selections == ()
+
+
+def test_a_failed_rebuild_hides_nothing_and_is_forgotten_when_mended(
+    root: Path, tmp_path: Path
+) -> None:
+    movable = tmp_path / "kitti"
+    shutil.copytree(root, movable)
+    store = tmp_path / "store"
+    run(movable, store, sequences=(DRIVE,))
+    before = digests(store, "data")
+    calibration = next(movable.rglob("calib_velo_to_cam.txt"))
+    text = calibration.read_text()
+    calibration.unlink()
+    failed = run(movable, store, sequences=(DRIVE,)).count("failed")
+    status = store_status(open_store(str(store)))
+    assert status.failed == failed >= 1
+    assert any("calib_velo_to_cam.txt" in message for _, _, message in status.problems)
+    assert digests(store, "data") == before
+    assert open_store(str(store)).read("frames").num_rows == FRAMES
+    calibration.write_text(text)
+    assert run(movable, store, sequences=(DRIVE,)).count("made") == 0
+    mended = store_status(open_store(str(store)))
+    assert (mended.failed, mended.missing, mended.problems) == (0, 0, [])
+
+
+def test_frames_that_are_not_there_hide_nothing(root: Path, tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    run(root, store, sequences=(DRIVE,))
+    report = run(root, store, sequences=(DRIVE,), frames=parse_frame_ranges("500-600"))
+    assert report.count("failed") == 1
+    assert open_store(str(store)).read("frames").num_rows == FRAMES
 
 
 def test_other_frames_make_a_new_generation(root: Path, tmp_path: Path) -> None:

@@ -16,11 +16,13 @@ from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.judging import judge
 from tcrdata.rules.presets import FilledPreset, Preset, load_preset
 from tcrdata.store import FileEntry, Snapshot, Store, Unit
+from tcrdata.store.failures import current_failures, is_failure
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import create_views
 
 STAGE = "selection"
 ANY_DATASET = "_"
+TRUTH_STAGE = "ground_truth"  # no rule reads it: its failure keeps nobody waiting
 BATCH_ROWS = 2_000_000
 """Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
 
@@ -115,19 +117,18 @@ def _lacking(store: Store, preset: FilledPreset, round: int) -> dict[tuple[str, 
 
     A sequence of which a stage failed lacks none: more does not come of it.
     """
+    records = store.records()
     stages: dict[tuple[str, str], set[str]] = defaultdict(set)
-    failed = set()
-    for record in store.records():
+    for record in records:
         unit = record.unit
-        if unit.dataset != ANY_DATASET and unit.round == round:
+        if unit.dataset != ANY_DATASET and unit.round == round and not is_failure(record):
             stages[unit.dataset, unit.sequence].add(unit.stage)
-            if "failed" in record.inputs:
-                failed.add((unit.dataset, unit.sequence))
     if not stages:
         raise MissingEvidenceError(
             f"{store.url} holds no evidence of round {round}; run `tcrdata build --dataset D "
             f"--root ROOT --store {store.url} --preset {preset.name}`"
         )
+    failed = {(u.dataset, u.sequence) for u in current_failures(records) if u.stage != TRUTH_STAGE}
     return {
         key: [] if key in failed else [cue for cue in preset.cues if cue not in there]
         for key, there in sorted(stages.items())
@@ -141,7 +142,7 @@ def _missing(
     return MissingEvidenceError(
         f"preset {preset.name} reads {', '.join(stages)}, which {dataset}/{sequence} lacks; "
         f"run `tcrdata build --dataset {dataset} --root {_root(store, dataset, sequence)} "
-        f"--store {store.url} --preset {preset.name}`"
+        f"--store {store.url} --sequences {sequence} --preset {preset.name}`"
     )
 
 

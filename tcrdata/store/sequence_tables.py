@@ -3,31 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
+
+from tcrdata.store.commits import FileEntry
 
 if TYPE_CHECKING:
     from tcrdata.store.store import Store
 
 
-@dataclass(frozen=True)
 class SequenceTables:
-    """The tables of one sequence and round; satisfies `tcrdata.types.Tables`."""
+    """The tables of one sequence and round; satisfies `tcrdata.types.Tables`.
 
-    store: Store
-    dataset: str
-    sequence: str
-    round: int
+    A table's files are listed once, when it is first read: a cue reads a row at a time.
+    """
+
+    def __init__(self, store: Store, dataset: str, sequence: str, round: int) -> None:
+        self._store = store
+        self._keys = {"dataset": dataset, "sequence": sequence, "round": round}
+        self._entries: dict[str, list[FileEntry]] = {}
 
     def read(self, table: str, columns: Sequence[str] | None = None, **equals: Any) -> pa.Table:
         """Rows of this sequence and round; see `Store.read`."""
-        return self.store.read(
-            table,
-            columns=columns,
-            dataset=self.dataset,
-            sequence=self.sequence,
-            round=self.round,
-            **equals,
-        )
+        if table not in self._entries:
+            self._entries[table] = self._store.files(table, **self._keys)  # type: ignore[arg-type]
+        entries = self._entries[table]
+        return self._store.read_files(table, entries, columns, self._keys, equals)

@@ -1,21 +1,20 @@
-"""The store: units in, tables out. Nothing is overwritten; no clock, no lock, no server."""
+"""The store: units in, tables out. Nothing is overwritten; no clock, no server."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 import pyarrow as pa
 
 from tcrdata.errors import SchemaError, StoreError
 from tcrdata.store import snapshots
-from tcrdata.store.commits import CommitRecord, FileEntry, Unit, dump_json, parse_json
+from tcrdata.store.commits import CommitRecord, FileEntry, Unit
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
 from tcrdata.store.parquet import ParquetHandles
-from tcrdata.store.schemas import SCHEMA_VERSION, arrow_schema, is_view, table_names
+from tcrdata.store.schemas import arrow_schema, is_view, table_names
 from tcrdata.store.sequence_tables import SequenceTables
 from tcrdata.store.snapshots import Snapshot
 from tcrdata.store.views import connect, create_views, lazy_frame
@@ -25,42 +24,7 @@ if TYPE_CHECKING:
     import duckdb
     import polars
 
-_STORE_FILE = "store.json"
 _FOLD_FROM = 256
-
-
-def open_store(url: str, create: bool = False) -> Store:
-    """Open a store.
-
-    Args:
-        url: a folder or any fsspec URL.
-        create: make it when nothing is there, and clean up after killed writers.
-
-    Raises:
-        StoreError: there is no store, or the folder holds something else.
-        SchemaError: it has another schema version.
-    """
-    files = Filesystem(str(url))
-    if files.size(_STORE_FILE) is None:
-        if not create:
-            raise StoreError(f"there is no store at {url}: make one with `tcrdata build`")
-        if not files.is_empty():
-            raise StoreError(f"{url} is not a store and not empty: give a new or empty folder")
-        files.create(_STORE_FILE, dump_json({"schema_version": SCHEMA_VERSION}))
-    version = parse_json(
-        files.full_path(_STORE_FILE),
-        files.read(_STORE_FILE),
-        "store's description",
-        itemgetter("schema_version"),
-    )
-    if version != SCHEMA_VERSION:
-        raise SchemaError(
-            f"the store {url} has schema version {version}, this tcrdata reads {SCHEMA_VERSION}: "
-            "build into a new store, or use the tcrdata that made it"
-        )
-    if create:
-        files.sweep()
-    return Store(files)
 
 
 class Store:
@@ -86,6 +50,11 @@ class Store:
     def records(self) -> list[CommitRecord]:
         """The newest record of every unit, sorted by dataset, sequence, round and stage."""
         return self._history.all_newest()
+
+    def sequence_records(self, dataset: str, sequence: str) -> list[CommitRecord]:
+        """The newest record of every unit of one sequence."""
+        records = self._history.newest_of(dataset, sequence)
+        return [record for record in records if record.unit.dataset == dataset]
 
     def is_done(self, unit: Unit, settings_hash: str, inputs: Mapping[str, str]) -> bool:
         """Whether the newest record of a unit was made with these settings and inputs."""
@@ -178,19 +147,31 @@ class Store:
             SchemaError: an unknown table or column, or a value of another type than its column.
             StoreError: a file is damaged; names it.
         """
-        schema = arrow_schema(table)
         keys = {"dataset": dataset, "sequence": sequence, "round": round}
         given = {name: value for name, value in keys.items() if value is not None}
+        entries = self.files(
+            table, snapshot=snapshot, dataset=dataset, sequence=sequence, round=round
+        )
+        return self.read_files(table, entries, columns, given, equals)
+
+    def read_files(
+        self,
+        table: str,
+        entries: Sequence[FileEntry],
+        columns: Sequence[str] | None,
+        keys: Mapping[str, Any],
+        equals: Mapping[str, Any],
+    ) -> pa.Table:
+        """Rows of some of a table's files whose keys and columns equal the values; see `read`."""
+        schema = arrow_schema(table)
         wanted = list(schema.names) if columns is None else list(columns)
         for name in (*wanted, *equals):
             if name not in schema.names:
                 known = ", ".join(schema.names)
                 raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
         found = []
-        for entry in self.files(
-            table, snapshot=snapshot, dataset=dataset, sequence=sequence, round=round
-        ):
-            rest = {k: v for k, v in given.items() if getattr(entry.unit, k) != v}
+        for entry in entries:
+            rest = {k: v for k, v in keys.items() if getattr(entry.unit, k) != v}
             rest = {name: value for name, value in rest.items() if name in schema.names}
             found.append(self._handles.get(entry.path, table).read(wanted, {**rest, **equals}))
         empty = pa.schema([schema.field(name) for name in wanted]).empty_table()

@@ -191,7 +191,7 @@ def test_missing_evidence_names_the_cue_and_the_build(store: Store) -> None:
     with pytest.raises(MissingEvidenceError) as caught:
         select(store, "release")
     assert "reads flow_ransac, regions_release, which d/a lacks" in str(caught.value)
-    assert f"--dataset d --root ROOT --store {store.url} --preset release`" in str(caught.value)
+    assert f"--root ROOT --store {store.url} --sequences a --preset release`" in str(caught.value)
     select(store, "tcrdata")
     put(store, "frames", "b", {})
     with pytest.raises(MissingEvidenceError, match="odometry, tracks, which d/b lacks"):
