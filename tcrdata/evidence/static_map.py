@@ -47,9 +47,9 @@ class MapSettings:
     whole_width_m: float = 2.6
     minimum_neighbours: int = 5
     minimum_voxels: int = 30
-    longest_m: float = 12.0
-    shortest_m: float = 1.0
-    lowest_m: float = 0.5
+    longest_m: float = 9.0
+    shortest_m: float = 2.0
+    lowest_m: float = 0.8
     trim_share: float = 0.02
     fit_points: int = 1000
 
