@@ -84,18 +84,20 @@ def hidden_edges(
     """
     local = box_coordinates(xyz[:, [0, 2]], box)
     axes = _level_axes(float(box[6]))
-    hidden = np.zeros(4, dtype=bool)
-    for edge, (axis, sense) in enumerate(_EDGES):
+    beyond = []
+    for axis, sense in _EDGES:
         along = sense * local[:, axis]
         ends = np.flatnonzero(along >= along.max() - _STEPS_M[0] * metric_scale)
         ends = ends[:: max(1, len(ends) // _EDGE_POINTS)]
-        steps = [xyz[ends] + sense * s * metric_scale * axes[axis] for s in _STEPS_M]
-        seen = look(np.concatenate(steps), image, grid, margin_m, margin_share)
-        # A depth image ends at its border: what lies beyond cannot be seen either.
-        lost = (seen == HIDDEN) | ((seen == OUTSIDE) & (not grid.spherical))
-        known = lost | (seen == CLEAR)
-        hidden[edge] = 2 * lost.sum() > known.sum()
-    return hidden
+        beyond += [xyz[ends] + sense * s * metric_scale * axes[axis] for s in _STEPS_M]
+    seen = look(np.concatenate(beyond), image, grid, margin_m, margin_share)
+    # A depth image ends at its border: what lies beyond cannot be seen either.
+    lost = (seen == HIDDEN) | ((seen == OUTSIDE) & (not grid.spherical))
+    known = lost | (seen == CLEAR)
+    starts = np.cumsum([0, *(len(places) for places in beyond)])[:-1:2]
+    return np.asarray(
+        2 * np.add.reduceat(lost, starts, dtype=int) > np.add.reduceat(known, starts, dtype=int)
+    )
 
 
 def _level_axes(yaw: float) -> FloatArray:
