@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tcrdata import console, executors, printing
+from tcrdata import console, printing
 from tcrdata.errors import MissingEvidenceError, QueryError, SettingsError
 from tcrdata.frame_ranges import parse_frame_ranges
 from tcrdata.settings import parse_assignments, read_toml
@@ -35,6 +35,8 @@ def run_build(
     as_json: bool,
 ) -> int:
     """Build, print the report, and return the exit code: 1 when any unit failed."""
+    from tcrdata import executors
+
     count = workers if workers is not None else _default_workers()
     if count < 1:
         raise SettingsError(f"--workers {count}: at least one is needed")

@@ -42,7 +42,7 @@ def read_sweep(path: Path, frame: int) -> Float32Array:
         raise FrameError(f"frame {frame}: {wrong}")
     points = values.view("<f4").astype(np.float32, copy=False).reshape(-1, len(_COLUMNS))
     # One pass over all; NaN, too, comes out as no number below the largest.
-    if -_LARGEST_M < points.min() and points.max() < _LARGEST_M:
+    if points.min() > -_LARGEST_M and points.max() < _LARGEST_M:
         return points
     for column, name in enumerate(_COLUMNS):
         bad = np.count_nonzero(~(np.abs(points[:, column]) < _LARGEST_M))
