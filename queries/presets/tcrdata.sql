@@ -2,7 +2,7 @@
 -- filled in where they were hidden.
 -- rules: source, travels, core_share, enough_points, height, range, not_overlapped,
 --   near_observation, extended_points, cycle_error, alignment
--- required: source
+-- required: source, alignment
 -- cues: odometry, tracks
 set variable taken_source = 'track';
 set variable taken_fit = 'track';

@@ -3,7 +3,7 @@
 -- rules: source, travels, core_share, enough_points, height, range, not_overlapped,
 --   near_observation, extended_points, static_length, static_width, static_height,
 --   static_edge_share, static_points, static_age, static_core_share, cycle_error, alignment
--- required: source
+-- required: source, alignment
 -- cues: odometry, tracks, static_clusters
 set variable taken_source = 'track';
 set variable taken_fit = 'track';

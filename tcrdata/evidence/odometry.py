@@ -51,6 +51,8 @@ class Settings:
         voxel_m: LiDAR: side of the map's voxels.
         voxel_points: LiDAR: most points a voxel of the map keeps.
         convergence: LiDAR: registration ends with a smaller step (m, rad).
+        first_step_m: LiDAR: a drive may begin at this speed, m a sweep, or any lower one.
+        first_spacing_m: LiDAR: the first steps that are tried lie this far apart.
         depth_voxel_m: depth: frames are thinned to one point a voxel.
         depth_gate_m: depth: points farther from the keyframe do not count.
         depth_support_share: depth: a motion is believed when this share of the points agrees
@@ -69,6 +71,8 @@ class Settings:
     voxel_m: float = 1.0
     voxel_points: int = 10
     convergence: float = 0.0005
+    first_step_m: float = 4.5
+    first_spacing_m: float = 0.5
     depth_voxel_m: float = 0.5
     depth_gate_m: float = 1.0
     depth_support_share: float = 0.02
@@ -132,13 +136,9 @@ def run(cue: CueInput) -> Iterator[Rows]:
 
 def _scaled(settings: Settings, metric_scale: float) -> Settings:
     names = (
-        "nearest_m",
-        "furthest_m",
-        "voxel_m",
-        "depth_voxel_m",
-        "depth_gate_m",
-        "alignment_radius_m",
-    )
+        "nearest_m", "furthest_m", "voxel_m", "first_step_m", "first_spacing_m",
+        "depth_voxel_m", "depth_gate_m", "alignment_radius_m",
+    )  # fmt: skip
     return replace(settings, **{name: getattr(settings, name) * metric_scale for name in names})
 
 
@@ -183,6 +183,8 @@ def _new_path(direction: _Direction) -> LidarPath | DepthPath:
             voxel_m=settings.voxel_m,
             voxel_points=settings.voxel_points,
             convergence=settings.convergence,
+            first_step_m=settings.first_step_m,
+            first_spacing_m=settings.first_spacing_m,
         )
     return DepthPath(
         voxel_m=settings.depth_voxel_m,
@@ -260,11 +262,9 @@ def _check(chunk: _Chunk) -> Rows:
     kept: dict[int, tuple[Float32Array, Float32Array]] = {}
     columns: dict[str, list[object]] = {}
     for link in chunk.links:
-        for number in (link.frame, chunk.later[link.frame][0]):
-            if number not in kept:
-                kept[number] = _sweep(chunk, number)
-        for number in [n for n in kept if n < link.frame]:
-            del kept[number]
+        kept = {number: sweep for number, sweep in kept.items() if number >= link.frame}
+        for number in {link.frame, chunk.later[link.frame][0]} - kept.keys():
+            kept[number] = _sweep(chunk, number)
         for name, value in _row(chunk, link, kept).items():
             columns.setdefault(name, []).append(value)
     return Rows("egomotions", columns)
