@@ -17,7 +17,7 @@ from store_files import digests
 from tcrdata.errors import SettingsError
 from tcrdata.store import open_store
 
-FRAMES = 5
+FRAMES = 10
 RULE = (
     "-- It is near.\n-- source: none\n-- needs: value <= most_m\n-- cues:\n"
     "set variable most_m = 5.5;  -- m: distance\n"

@@ -36,8 +36,6 @@ HEAVY = {
     "kiss_icp": {"evidence"},
     "pypatchworkpp": {"evidence"},
     "small_gicp": {"evidence"},
-    "sklearn": {"evidence"},
-    "skimage": {"evidence"},
     "numba": {"evidence", "geometry", "datasets"},
     "shapely": {"geometry", "evaluation", "evidence"},
 }

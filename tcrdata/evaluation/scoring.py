@@ -156,9 +156,7 @@ def _connect(store: Store, selection_id: str) -> duckdb.DuckDBPyConnection:
 
     Frames that were built later have no labels because nobody judged them: they are not misses.
     """
-    connection = store.connect(
-        tables=("labels", "selections", "frames", "sequences", "ground_truth")
-    )
+    connection = store.connect(tables=("labels", "selections", "ground_truth"))
     row = connection.execute(
         "select snapshot from selections where selection_id = ?", [selection_id]
     ).fetchone()
@@ -168,10 +166,9 @@ def _connect(store: Store, selection_id: str) -> duckdb.DuckDBPyConnection:
             f"there is no selection '{selection_id}': make one with `tcrdata check`, or list them "
             'with `tcrdata sql "select selection_id, name from selections"`'
         )
-    if row[0] in store.snapshots():
-        store.add_snapshot(connection, row[0], _JUDGED)
-        for table in ("frames", "sequences"):
-            connection.execute(f"create or replace view {table} as from {_JUDGED}.{table}")
+    store.add_snapshot(connection, row[0], _JUDGED)
+    for table in ("frames", "sequences"):
+        connection.execute(f"create view {table} as from {_JUDGED}.{table}")
     return connection
 
 

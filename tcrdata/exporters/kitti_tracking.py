@@ -112,7 +112,7 @@ def _sequences(connection: duckdb.DuckDBPyConnection, dataset: str | None) -> di
         if sequence in found:
             raise TcrdataError(
                 f"{found[sequence]} and {owner} both have a sequence '{sequence}': "
-                "export one dataset at a time with --dataset"
+                "export one dataset at a time: give `dataset` to kitti_tracking.export()"
             )
         found[sequence] = owner
     if not found:
@@ -133,9 +133,8 @@ def _batches(
 
 
 def _start_files(folder: Path, sequences: dict[str, str]) -> None:
+    """Empty the files of these sequences alone: others may be somebody's ground truth."""
     folder.mkdir(exist_ok=True)
-    for stale in sorted(folder.glob("*.txt")):
-        stale.unlink()
     for sequence in sequences:
         (folder / f"{sequence}.txt").write_text("")
 

@@ -1,6 +1,6 @@
 """Writes small generated KITTI folders, raw and tracking, of a street that is known exactly.
 
-The car that carries the sensors drives east at 5 m/s; ahead of it a van drives at 8 m/s, and a car
+The car that carries the sensors drives east at 5 m/s; ahead of it a van drives at 14 m/s, and a car
 is parked. Sweeps hold the ground and the faces of both boxes.
 """
 
@@ -19,7 +19,7 @@ SEQUENCE = "0000"
 WIDTH_PX, HEIGHT_PX = 160, 48
 PERIOD_S = 0.1
 EGO_MPS = 5.0
-VAN_MPS = 8.0
+VAN_MPS = 14.0
 SENSOR_HEIGHT_M = 1.73
 EARTH_RADIUS_M = 6_378_137.0
 LATITUDE_DEG, LONGITUDE_DEG = 49.0, 8.4
@@ -127,6 +127,7 @@ def sweep(number: int) -> np.ndarray:
     """Return (N, 4) float32: the ground and the boxes' faces, in the Velodyne's frame."""
     x, y = np.meshgrid(np.arange(3.0, 40.0, 0.5), np.arange(-12.0, 12.5, 0.5))
     parts = [np.column_stack([x.ravel(), y.ravel(), np.full(x.size, -SENSOR_HEIGHT_M)])]
+    parts.append(houses(EGO_MPS * PERIOD_S * number))
     for index in range(len(OBJECTS)):
         centre, size, yaw = box_in_sensor(index, number)
         grid = np.stack(np.meshgrid(*[np.linspace(-0.5, 0.5, 12)] * 3), axis=-1).reshape(-1, 3)
@@ -135,6 +136,26 @@ def sweep(number: int) -> np.ndarray:
     points = np.concatenate(parts)
     reflectance = np.linspace(0.0, 1.0, len(points))
     return np.column_stack([points, reflectance]).astype(np.float32)
+
+
+def houses(driven_m: float) -> np.ndarray:
+    """Return (N, 3) points of house fronts with corners, and of poles: egomotion needs them."""
+    parts = []
+    heights = np.arange(-1.2, 2.0, 0.3)
+    for side in (-1, 1):
+        for number in range(12):
+            start = 9.0 * number + 2.0 * (side > 0)
+            setback = side * (11.0 + (number * 5 % 4))
+            along, up = np.meshgrid(start + np.arange(0.0, 6.0, 0.25), heights)
+            parts.append(np.column_stack([along.ravel(), np.full(along.size, setback), up.ravel()]))
+            across, up = np.meshgrid(setback + side * np.arange(0.0, 3.0, 0.25), heights)
+            parts.append(np.column_stack([np.full(across.size, start), across.ravel(), up.ravel()]))
+            turn, up = np.meshgrid(np.linspace(0, 2 * np.pi, 8, endpoint=False), heights)
+            pole = np.column_stack([0.15 * np.cos(turn.ravel()), 0.15 * np.sin(turn.ravel())])
+            pole += (start + 7.5, side * 8.0)
+            parts.append(np.column_stack([pole, up.ravel()]))
+    points = np.concatenate(parts) - (driven_m, 0.0, 0.0)
+    return points[(points[:, 0] > 2.0) & (points[:, 0] < 70.0)]
 
 
 def box_in_sensor(index: int, number: int) -> tuple[np.ndarray, np.ndarray, float]:

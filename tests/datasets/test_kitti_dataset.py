@@ -220,7 +220,7 @@ def test_the_truth_is_the_street_s(tmp_path: Path) -> None:
             found = [row[name] for name in ("length_m", "width_m", "height_m")]
             np.testing.assert_allclose(found, size, atol=1e-5)
             assert row["yaw_rad"] == pytest.approx(yaw, abs=1e-5)
-            expected = 8.0 if row["object_id"] == "0" else 0.0
+            expected = 14.0 if row["object_id"] == "0" else 0.0
             assert row["speed_mps"] == pytest.approx(expected, abs=1e-3)
 
 
