@@ -10,6 +10,7 @@ import numpy as np
 
 from tcrdata import settings
 from tcrdata.errors import DatasetError, FrameError
+from tcrdata.evidence.chunks import chunked
 from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, cue_inputs
 from tcrdata.store import Store, Unit
 from tcrdata.types import Camera, Dataset, Frame, Map, SequenceInfo
@@ -36,7 +37,7 @@ def ingest_frames(
     inputs = frame_inputs(plan, info)
     with store.writer(unit, settings_hash=plan.settings_hash(FRAMES), inputs=inputs) as writer:
         writer.append("sequences", _sequence_columns(info, frames))
-        tasks = [(dataset, chunk) for chunk in _chunks(frames)]
+        tasks = [(dataset, chunk) for chunk in chunked(frames, FRAMES_A_TASK)]
         for checked in parallel(_checked_frames, tasks):
             writer.append("frames", _frame_columns(checked))
             usable = [(frame, count) for frame, count in checked if frame.status == "ok"]
@@ -129,11 +130,6 @@ def _checked_frames(task: tuple[Dataset, tuple[Frame, ...]]) -> list[tuple[Frame
                 frame = replace(frame, status="error", error=str(error))
         checked.append((frame, count))
     return checked
-
-
-def _chunks(frames: list[Frame]) -> Iterator[tuple[Frame, ...]]:
-    for start in range(0, len(frames), FRAMES_A_TASK):
-        yield tuple(frames[start : start + FRAMES_A_TASK])
 
 
 def _is_fault(frame: Frame) -> bool:
