@@ -13,9 +13,12 @@ import pytest
 LAYERS = (
     ("types", "errors", "resources", "frame_ranges"),
     ("geometry", "settings", "registry"),
-    ("store", "reports"),
+    ("store", "reports", "networks"),
     ("datasets", "evidence", "rules", "evaluation", "exporters", "views"),
     (
+        "inspection",
+        "learning",
+        "pages",
         "plan",
         "outcomes",
         "ingest",
@@ -26,7 +29,7 @@ LAYERS = (
         "pictures",
         "warming",
     ),
-    ("console", "printing", "commands", "cli", "__main__"),
+    ("console", "cli", "__main__"),
 )
 STRANGERS = LAYERS[3]
 HEAVY = {

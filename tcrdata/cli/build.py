@@ -1,0 +1,89 @@
+"""`tcrdata build`: evidence and labels of a dataset's frames."""
+
+from __future__ import annotations
+
+import os
+import time
+
+from tcrdata import console
+from tcrdata.cli import printing
+from tcrdata.cli.app import Assignments, Flag, StoreUrl, listed
+from tcrdata.errors import SettingsError
+from tcrdata.frame_ranges import parse_frame_ranges
+from tcrdata.settings import parse_assignments, read_toml
+
+MOST_WORKERS_BY_DEFAULT = 8
+
+
+def build(
+    *,
+    dataset: str,
+    store: StoreUrl,
+    root: str = "",
+    sequences: str | None = None,
+    frames: str | None = None,
+    rounds: int = 1,
+    preset: str = "tcrdata",
+    workers: int | None = None,
+    config: str | None = None,
+    assignments: Assignments = (),
+    dry_run: Flag = False,
+    json: Flag = False,
+) -> int:
+    """Measure the evidence of a dataset's frames into a store and select labels.
+
+    What is done already is left as it is; a build that was stopped goes on where it was.
+
+    Args:
+        dataset: kitti, demo, street, or the dotted path of an adapter.
+        store: folder or URL of the store; created when absent.
+        root: where the dataset lies; generated datasets take a spec such as `seed=1,frames=50`.
+        sequences: only these, with commas between.
+        frames: only these of each sequence: `0-49`, `0-9,20,30-`.
+        rounds: rounds of the EM loop.
+        preset: presets to select labels with, with commas between, or `all`.
+        workers: worker processes; the machine's cores when left out.
+        config: a TOML file of settings.
+        assignments: `cue.field=value` for a cue, `parameter=value` for a rule.
+        dry_run: say what would be made and stop.
+        json: print the report as JSON.
+    """
+    from tcrdata import executors
+
+    count = workers if workers is not None else _default_workers()
+    if count < 1:
+        raise SettingsError(f"--workers {count}: at least one is needed")
+    if count > 1 and not dry_run:
+        executors.start_server()
+    from tcrdata import dry_runs, pipeline
+
+    if rounds != 1:
+        raise SettingsError(
+            f"--rounds {rounds}: this version makes round 1; later rounds need learned modules"
+        )
+    values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
+    plan = pipeline.plan_build(
+        dataset,
+        root,
+        sequences=listed(sequences),
+        frames=parse_frame_ranges(frames),
+        presets=listed(preset) or (),
+        assignments=values,
+    )
+    started = time.perf_counter()
+    if dry_run:
+        report = dry_runs.dry_run(plan, store)
+    else:
+        total = len(plan.sequences) * (2 + len(plan.cues))
+        with console.build_progress(total) as progress:
+            report = pipeline.build(plan, store, workers=count, progress=progress)
+    seconds = time.perf_counter() - started
+    if json:
+        console.print_json(printing.build_json(report, seconds))
+    else:
+        printing.print_build(report, plan.sequences, store, seconds, only_plan=dry_run)
+    return 1 if report.count("failed") else 0
+
+
+def _default_workers() -> int:
+    return min(len(os.sched_getaffinity(0)), MOST_WORKERS_BY_DEFAULT)

@@ -1,0 +1,33 @@
+"""`tcrdata status`: what a store holds and lacks."""
+
+from __future__ import annotations
+
+from tcrdata import console
+from tcrdata.cli.app import Flag, StoreUrl
+
+
+def status(*, store: StoreUrl, json: Flag = False) -> int:
+    """List units done, failed and missing, frames left out, and rows and bytes a table.
+
+    Args:
+        store: folder or URL of the store.
+        json: print as JSON.
+    """
+    from tcrdata.status import store_status
+    from tcrdata.store import open_store
+
+    found = store_status(open_store(store))
+    if json:
+        console.print_json(found.as_dict())
+        return 0
+    console.print_table(
+        "units", ("done", "failed", "missing"), [(found.done, found.failed, found.missing)]
+    )
+    console.print_table("tables", ("table", "rows", "bytes", "files"), found.tables)
+    if found.problems:
+        console.print_table("problems", ("where", "frame", "what"), found.problems)
+    if found.selections:
+        console.print_table("selections", ("id", "name", "labels"), found.selections)
+    if found.missing:
+        console.say("run the same build again to make what is missing")
+    return 0
