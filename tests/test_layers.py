@@ -33,8 +33,8 @@ LAYERS = (
 )
 STRANGERS = LAYERS[3]
 HEAVY = {
-    "cv2": {"evidence", "datasets", "views"},
-    "torch": set(),
+    "cv2": {"evidence", "datasets", "views", "learning"},
+    "torch": {"networks", "learning", "evidence"},
     "matplotlib": {"views"},
     "kiss_icp": {"evidence"},
     "pypatchworkpp": {"evidence"},
