@@ -6,29 +6,9 @@ from typing import Any
 
 import duckdb
 
+from tcrdata.inspection.rule_cases import KEYS, PROPOSAL
 from tcrdata.store import Store, Unit
 
-PROPOSAL: dict[str, Any] = {
-    "dataset": "d",
-    "sequence": "s",
-    "frame": 0,
-    "round": 1,
-    "source": "track",
-    "fit": "track",
-    "region_id": "r",
-    "found": "observed",
-    "metric_scale": 1.0,
-    "x_m": 0.0,
-    "y_m": 0.0,
-    "z_m": 10.0,
-    "length_m": 4.0,
-    "width_m": 2.0,
-    "height_m": 1.5,
-    "yaw_rad": 0.0,
-    "range_m": 10.0,
-    "number_of_points": 20,
-}
-KEYS: dict[str, Any] = {"dataset": "d", "sequence": "s", "round": 1}
 GOOD_TRACK: dict[str, Any] = {
     "age_frames": 10,
     "travel_m": 5.0,

@@ -41,13 +41,19 @@ def stems(folder: Path) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.sql"))
 
 
-def test_the_wheel_has_every_sql_file_of_the_checkout(wheel: Path, repository: Path) -> None:
+def test_the_wheel_has_every_sql_file_and_case_of_the_checkout(
+    wheel: Path, repository: Path
+) -> None:
     with zipfile.ZipFile(wheel) as archive:
-        shipped = {name: archive.read(name) for name in archive.namelist() if ".sql" in name}
+        shipped = {
+            name: archive.read(name)
+            for name in archive.namelist()
+            if name.endswith((".sql", ".toml"))
+        }
     here = {
         f"tcrdata/{path.relative_to(repository).as_posix()}": path.read_bytes()
         for folder in ("schemas", "queries")
-        for path in (repository / folder).rglob("*.sql")
+        for path in (repository / folder).rglob("*.*")
     }
     assert shipped == here
     assert len(here) > 40

@@ -14,8 +14,10 @@ from tcrdata.cli import (
     draw,
     evaluate,
     export,
+    rules,
     sql,
     status,
+    test_rules,
     views,
     warm,
 )
@@ -28,8 +30,10 @@ for _command in (
     draw.draw,
     evaluate.evaluate,
     export.export,
+    rules.rules,
     sql.sql,
     status.status,
+    test_rules.test_rules,
     views.views,
     warm.warm,
 ):
