@@ -45,6 +45,7 @@ create table proposals (
     free_share double,                  -- share of the points with votes_free > votes_static
     -- motion with the egomotion taken out
     motion_threshold_m double,          -- paper: the |dXYZ| level at which the region was cut out
+    motion_threshold_next_m double,     -- paper: the next higher level of the build; NULL at its highest
     motion_3d_m double,                 -- median |dXYZ| of the points
     motion_2d_px double,                -- median |flow - egomotion flow| of the points
     motion_cosine double,               -- median cos(flow, egomotion flow) of the points
@@ -71,6 +72,8 @@ create table proposals (
     track_points double,                -- median number of points over the track
     track_height_m double,              -- height of the track's box
     track_range_min_m double,           -- nearest it came
+    seen_length_m double,               -- tracks: the length that its points show; length_m is more where a vehicle's proportions fill in
+    seen_width_m double,                -- tracks: the width that its points show; width_m is more where a vehicle's proportions fill in
     refinement_residual_m double,       -- root mean square change of the anchors under smoothing
     frames_from_observation integer,    -- distance to the nearest observed frame (0 = observed)
     overlapped_share double             -- largest share of the footprint that a surer track covers in the same frame

@@ -33,7 +33,8 @@ class Settings:
     """How regions are cut. Metres are multiplied by the sequence's metric scale.
 
     Attributes:
-        levels_m: levels of |dXYZ| from one frame to the next at which regions are cut.
+        levels_m: levels of |dXYZ| from one frame to the next at which regions are cut. A rule
+            takes the highest at or below the one it asks for; more levels cost a cut each.
         link_voxel_m: moving points are joined when their voxels of this size touch.
         smallest_points: limit of computing: smaller regions are not measured. Looser than any
             rule, for a box and a histogram of fewer points mean nothing.
@@ -64,10 +65,12 @@ def measure(points: MovingPoints, settings: Settings) -> Iterator[Rows]:
     """Yield the rows of one frame: regions at every level, lowest first."""
     points = points.displaced()
     regions: list[Region] = []
-    for level_m in settings.levels_m:
+    levels_m = sorted(settings.levels_m)
+    for level_m, next_m in zip(levels_m, [*levels_m[1:], None], strict=True):
+        # The levels as they were set: a rule names them without the scale.
+        levels = {"motion_threshold_m": level_m, "motion_threshold_next_m": next_m}
         for members in cut(points, level_m * points.metric_scale, settings):
-            measured = _measured(points, members, level_m, settings)
-            regions.append(Region(members, measured))
+            regions.append(Region(members, levels | _measured(points, members, settings)))
     yield from region_rows(points, SOURCE, regions, ("min_area", "l_shape"), settings.confidence)
 
 
@@ -89,17 +92,13 @@ def cut(points: MovingPoints, level_m: float, settings: Settings) -> list[IntArr
     return [moving[labels == label] for label in large]
 
 
-def _measured(
-    points: MovingPoints, members: IntArray, level_m: float, settings: Settings
-) -> dict[str, Any]:
+def _measured(points: MovingPoints, members: IntArray, settings: Settings) -> dict[str, Any]:
     scale = points.metric_scale
     center = np.zeros(len(points.xyz), dtype=bool)
     center[members] = True
     box, _ = box_around(points.xyz[members], "min_area")
     surround = shell(points.xyz, center, box, settings.shell_m * scale)
     return {
-        # The level as it was set: a rule names it without the scale.
-        "motion_threshold_m": level_m,
         "center_surround_chi2": center_surround(
             points.motion_3d_m,
             center,

@@ -75,6 +75,12 @@ def test_every_level_is_cut_and_none_above_the_motion(found: MemoryTables) -> No
     in_box[BOX] = True
     beyond = [r for r in found.rows["proposals"] if r["motion_threshold_m"] == 0.8]
     assert not any(in_box.ravel()[row["point_indices"]].any() for row in beyond)
+    levels = {
+        (row["motion_threshold_m"], row["motion_threshold_next_m"])
+        for row in found.rows["proposals"]
+    }
+    assert levels <= {(0.1, 0.2), (0.2, 0.4), (0.4, 0.8), (0.8, None)}
+    assert (0.4, 0.8) in levels
 
 
 def test_two_fits_share_a_region(found: MemoryTables) -> None:
