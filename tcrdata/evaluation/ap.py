@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.types import BoolArray
+from tcrdata.types import BoolArray, FloatArray
 
 
 def average_precision(
@@ -26,11 +26,25 @@ def average_precision(
     """
     if not len(scores) or not number_of_truths:
         return 0.0 if len(scores) or number_of_truths else None
+    recall, precision = precision_recall(scores, hits, number_of_truths)
+    envelope = np.maximum.accumulate(precision[::-1])[::-1]
+    return float(np.sum(np.diff(recall, prepend=0.0) * envelope))
+
+
+def precision_recall(
+    scores: NDArray[np.floating], hits: BoolArray, number_of_truths: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return recall and precision, (K,) each, as ever less sure labels are taken in.
+
+    One step a distinct score, from the surest down; recall never falls.
+
+    Args:
+        scores: (N,), larger is surer; N >= 1.
+        hits: (N,) which labels found an object.
+        number_of_truths: labelled objects, at least one.
+    """
     order = np.argsort(-scores, kind="stable")
     ranked = scores[order]
     steps = np.flatnonzero(np.append(ranked[1:] != ranked[:-1], True))
     true_positives = np.cumsum(hits[order])[steps]
-    precision = true_positives / (steps + 1)
-    recall = true_positives / number_of_truths
-    envelope = np.maximum.accumulate(precision[::-1])[::-1]
-    return float(np.sum(np.diff(recall, prepend=0.0) * envelope))
+    return true_positives / number_of_truths, true_positives / (steps + 1)

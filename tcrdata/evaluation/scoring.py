@@ -33,7 +33,7 @@ METRICS = ("ap_per_frame", "ap_pooled", "precision", "recall")
 ALL = "all"
 _JUDGED = "judged"
 
-_Key = tuple[str, str, Subset, View, bool]
+Key = tuple[str, str, Subset, View, bool]
 
 
 @dataclass(frozen=True)
@@ -97,6 +97,25 @@ class Evaluation:
         return found
 
 
+@dataclass(frozen=True)
+class Tallied:
+    """Matched frames of a selection, by sequence, subset, view and DontCare variant.
+
+    Attributes:
+        selection_id: what was matched.
+        protocol: how, in plain lines.
+        labelled: the sequences that have labelled objects.
+        without_truth: the others, as dataset/sequence.
+        tallies: dataset, sequence, subset, view and whether DontCare counts, to the frames' sums.
+    """
+
+    selection_id: str
+    protocol: str
+    labelled: tuple[ScoredSequence, ...]
+    without_truth: tuple[str, ...]
+    tallies: Mapping[Key, Tally]
+
+
 def evaluate(store: Store, selection_id: str, settings: Settings | None = None) -> Evaluation:
     """Score a selection.
 
@@ -111,25 +130,35 @@ def evaluate(store: Store, selection_id: str, settings: Settings | None = None) 
         SettingsError: a parameter is unknown.
     """
     settings = settings or Settings()
+    return scored(tally_selection(store, selection_id, settings), settings)
+
+
+def tally_selection(store: Store, selection_id: str, settings: Settings) -> Tallied:
+    """Match a selection's labels in every frame; raises as `evaluate` does."""
     connection = _connect(store, selection_id)
     try:
         labelled, without_truth = scored_sequences(connection)
         _check(labelled, settings)
         parameters = {**dict(settings.parameters), "selection_id": selection_id}
-        tallies: dict[_Key, Tally] = defaultdict(lambda: Tally(len(settings.ious)))
+        tallies: dict[Key, Tally] = defaultdict(lambda: Tally(len(settings.ious)))
         for frame in read_frames(connection, labelled, parameters, settings.frames_a_pass):
             for subset, view, regions, counts in _score_frame(frame, settings):
                 tallies[frame.dataset, frame.sequence, subset, view, regions].add(*counts)
         protocol = describe(settings, variables(connection))
     finally:
         connection.close()
+    return Tallied(selection_id, protocol, tuple(labelled), tuple(without_truth), dict(tallies))
+
+
+def scored(tallied: Tallied, settings: Settings) -> Evaluation:
+    """Turn matched frames into scores; the settings must be those they were matched with."""
     return Evaluation(
-        selection_id=selection_id,
-        protocol=protocol,
-        frames=sum(entry.frames for entry in labelled),
-        sequences=tuple(f"{entry.dataset}/{entry.sequence}" for entry in labelled),
-        without_truth=tuple(without_truth),
-        scores=tuple(_scores(tallies, settings)),
+        selection_id=tallied.selection_id,
+        protocol=tallied.protocol,
+        frames=sum(entry.frames for entry in tallied.labelled),
+        sequences=tuple(f"{entry.dataset}/{entry.sequence}" for entry in tallied.labelled),
+        without_truth=tallied.without_truth,
+        scores=tuple(_scores(tallied.tallies, settings)),
     )
 
 
@@ -226,7 +255,7 @@ def _at(flags: BoolArray, index: IntArray) -> BoolArray:
     return np.append(flags, False)[index]
 
 
-def _scores(tallies: Mapping[_Key, Tally], settings: Settings) -> Iterator[Score]:
+def _scores(tallies: Mapping[Key, Tally], settings: Settings) -> Iterator[Score]:
     """Yield the rows: everything first, then each sequence."""
     thresholds = len(settings.ious)
     sequences = dict.fromkeys((key[0], key[1]) for key in tallies)

@@ -55,12 +55,18 @@ class Tally:
         for mine, theirs in zip(self.frame_ap, other.frame_ap, strict=True):
             mine += theirs
 
+    def columns(self) -> tuple[FloatArray, BoolArray, BoolArray]:
+        """Return scores (N,), hits (T, N) and whether a label counts (T, N), over all frames."""
+        empty = np.empty((self.thresholds, 0), dtype=bool)
+        return (
+            np.concatenate([np.empty(0), *self.scores]),
+            np.concatenate([empty, *self.hits], axis=1),
+            ~np.concatenate([empty, *self.left_out], axis=1),
+        )
+
     def result(self) -> Result:
         """Return the scores at each threshold."""
-        scores = np.concatenate([np.empty(0), *self.scores])
-        empty = np.empty((self.thresholds, 0), dtype=bool)
-        hits = np.concatenate([empty, *self.hits], axis=1)
-        keep = ~np.concatenate([empty, *self.left_out], axis=1)
+        scores, hits, keep = self.columns()
         found = [int(np.count_nonzero(h & k)) for h, k in zip(hits, keep, strict=True)]
         predictions = [int(np.count_nonzero(k)) for k in keep]
         return Result(
