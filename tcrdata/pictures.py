@@ -47,7 +47,7 @@ def draw_frames(
     """
     from tcrdata.views.scene_picture import frame_picture
 
-    info = _sequence_row(store, sequence)
+    info = sequence_row(store, sequence)
     dataset = registry.find("datasets", info["dataset"]).open_dataset(info["root"])
     handle = tcrdata.open(store.url)
     for frame in _chosen(store, info, frames):
@@ -55,7 +55,7 @@ def draw_frames(
         picture = frame_picture(
             dataset.read_image(frame) if frame.has_image else None,
             dataset.read_points(frame).xyz,
-            _votes(store, frame),
+            read_votes(store, frame),
             boxes,
             frame.level_projection,
             info["metric_scale"],
@@ -68,7 +68,12 @@ def draw_frames(
     yield from _track_file(store, handle.connection, selection_id, info, out)
 
 
-def _sequence_row(store: Store, sequence: str | None) -> dict[str, Any]:
+def sequence_row(store: Store, sequence: str | None) -> dict[str, Any]:
+    """Return the row of `sequences` of this name, or the first.
+
+    Raises:
+        MissingEvidenceError: the store has no such sequence; says which it has.
+    """
     rows = store.read("sequences").to_pylist()
     for row in rows:
         if sequence in (None, row["sequence"]):
@@ -108,7 +113,7 @@ def _boxes(
     }
 
 
-def _votes(store: Store, frame: Frame) -> Any:
+def read_votes(store: Store, frame: Frame) -> Any:
     """The frame's free-space votes, or None when no build has measured them."""
     from tcrdata.views.birds_eye import Votes
 

@@ -41,15 +41,15 @@ rejected as (
     )
 )
 select dataset, sequence, frame, if(state = 'ignore', 'ignored', 'labels') as kind, proposal_id as id,
-       track_id, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad
+       track_id, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, score, number_of_points
 from labelled
 union all
 select dataset, sequence, frame, 'rejected', proposal_id,
-       track_id, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad
+       track_id, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, null, number_of_points
 from rejected
 union all
 select g.dataset, g.sequence, g.frame, 'truth', object_id,
-       object_id, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad
+       object_id, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, null, null
 from ground_truth g join shots using (dataset, sequence, frame)
 where category != 'DontCare'
 order by all

@@ -18,6 +18,7 @@ from tcrdata.cli import (
     sql,
     status,
     test_rules,
+    view,
     views,
     warm,
 )
@@ -34,6 +35,7 @@ for _command in (
     sql.sql,
     status.status,
     test_rules.test_rules,
+    view.view,
     views.views,
     warm.warm,
 ):
