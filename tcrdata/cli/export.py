@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
-from typing import Annotated
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -19,27 +19,40 @@ def export(
     store: StoreUrl,
     out: str,
     selection: str | None = None,
+    where: str | None = None,
+    ignore: Literal["keep", "drop"] = "keep",
+    category: str = "Car",
+    dataset: str | None = None,
     overwrite: Flag = False,
     json: Flag = False,
 ) -> int:
-    """Write a selection's labels in another program's format.
+    """Write a selection's labels in another program's format; prints how it is to be read.
 
     Args:
-        format_name: kitti-tracking, or the dotted path of an exporter.
+        format_name: kitti, kitti-tracking, openpcdet, mmdet3d, nuscenes, coco, yolo, parquet,
+            webdataset, or the dotted path of an exporter.
         store: folder or URL of the store.
         out: folder to write into.
         selection: name or id; the newest when left out.
+        where: SQL condition over the columns of labels: only those that fulfil it are written.
+        ignore: keep writes undecided labels as the format's ignore regions, drop leaves them out.
+        category: type of every object: the labels have no class.
+        dataset: only the sequences of this dataset.
         overwrite: write into a folder that is not empty.
         json: print what was written as JSON.
     """
     from tcrdata import registry
+    from tcrdata.exporters.labels import ExportOptions
     from tcrdata.store import open_store
 
-    opened = open_store(store)
     exporter = registry.find("exporters", format_name)
-    card = exporter.export(opened, selected(opened, selection), out, overwrite=overwrite)
+    opened = open_store(store)
+    chosen = selected(opened, selection)
+    options = ExportOptions(where, ignore, category, dataset, overwrite)
+    card = exporter.export(opened, chosen, out, options)
     if json:
         console.print_json(dataclasses.asdict(card))
     else:
         sys.stdout.write(card.text() + "\n")
+    console.say(f"next: tcrdata funnel --store {store} --selection {chosen}")
     return 0

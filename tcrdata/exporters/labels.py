@@ -1,13 +1,46 @@
-"""What every exporter needs: a folder to write to, a card that says how to read what is in it."""
+"""What every exporter needs: the chosen labels with their frames, a folder, and a card to read."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import groupby, pairwise
 from pathlib import Path
+from typing import Any, Literal
 
 import duckdb
+import numpy as np
+import pyarrow as pa
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
+from tcrdata.exporters.where import check_condition, lock
+from tcrdata.reports import run_report
+from tcrdata.store import Store
+from tcrdata.store.filesystem import Filesystem
+from tcrdata.types import BoolArray, FloatArray, IntArray
+
+_ROWS_AT_A_TIME = 50_000
+_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What is exported, and how.
+
+    Attributes:
+        where: SQL condition over the columns of `labels`; those that fulfil it are exported.
+        ignore: `keep` writes undecided labels as the format's ignore regions, `drop` leaves them.
+        category: type written for every object: labels have no class.
+        dataset: export this dataset's sequences alone.
+        overwrite: write into a folder that is not empty.
+    """
+
+    where: str | None = None
+    ignore: Literal["keep", "drop"] = "keep"
+    category: str = "Car"
+    dataset: str | None = None
+    overwrite: bool = False
 
 
 @dataclass(frozen=True)
@@ -18,7 +51,8 @@ class Card:
         format: name of the format.
         out: the folder.
         files: files written.
-        labels: labels written.
+        labels: positive labels written.
+        ignored: undecided labels written as ignore regions.
         conventions: name and meaning: frame, centre, axis order, yaw, units ...
     """
 
@@ -26,13 +60,149 @@ class Card:
     out: str
     files: int
     labels: int
+    ignored: int
     conventions: tuple[tuple[str, str], ...]
 
     def text(self) -> str:
         """Return the card in lines."""
-        head = f"{self.format}: {self.labels} labels in {self.files} files under {self.out}"
+        head = (
+            f"{self.format}: {self.labels} labels and {self.ignored} ignore regions "
+            f"in {self.files} files under {self.out}"
+        )
         width = max(len(name) for name, _ in self.conventions)
         return "\n".join([head, *(f"  {name:<{width}}  {text}" for name, text in self.conventions)])
+
+
+@dataclass(frozen=True)
+class SequenceLabels:
+    """One sequence's frames and the labels chosen in it.
+
+    Attributes:
+        dataset: the dataset's name.
+        sequence: the drive or clip.
+        frames: rows of `queries/reports/exported_frames.sql`, sorted by frame; every frame that
+            can be read, also those without labels.
+        labels: rows of `queries/reports/exported_labels.sql`, sorted by frame, the surest first.
+        frame_rows: (N,) row of `frames` of each label.
+    """
+
+    dataset: str
+    sequence: str
+    frames: pa.Table
+    labels: pa.Table
+    frame_rows: IntArray
+
+    @property
+    def root(self) -> str:
+        """Where the dataset lies; paths of frames are relative to it."""
+        return str(self.frames["root"][0].as_py())
+
+    @property
+    def boxes(self) -> FloatArray:
+        """(N, 7) x, y, z of the geometric centre, length, width, height, yaw; level frame."""
+        return columns(self.labels, _BOX)
+
+    @property
+    def positive(self) -> BoolArray:
+        """(N,) which labels are positive; the others are ignore regions."""
+        states = self.labels["state"].to_numpy()
+        return np.asarray(states == "positive", dtype=np.bool_)
+
+    def by_frame(self) -> Iterator[tuple[int, slice]]:
+        """Yield each row of `frames` with the slice of its labels, an empty one for none."""
+        rows = np.arange(self.frames.num_rows + 1)
+        edges = np.searchsorted(self.frame_rows, rows).tolist()
+        for row in range(self.frames.num_rows):
+            yield row, slice(edges[row], edges[row + 1])
+
+
+class ChosenLabels:
+    """The labels that an export is about; made by `chosen_labels`.
+
+    Attributes:
+        connection: reads the tables that the selection read, and `labels` as `--where` left it.
+        total: positive labels chosen.
+        ignored: undecided labels chosen.
+        frames: frames, those without labels too.
+    """
+
+    def __init__(
+        self, connection: duckdb.DuckDBPyConnection, selection_id: str, options: ExportOptions
+    ) -> None:
+        self.connection = connection
+        self._selected = {"selection_id": selection_id, "keep_ignored": options.ignore == "keep"}
+        only = {"exported_dataset": options.dataset}
+        found = run_report(connection, "exported_sequences", {**self._selected, **only})
+        self._sizes: list[tuple[str, str, int, int, int]] = found.fetchall()
+        self.frames, self.total, self.ignored = (
+            sum(int(size[column]) for size in self._sizes) for column in (2, 3, 4)
+        )
+
+    def sequences(self) -> Iterator[SequenceLabels]:
+        """Yield every sequence that the selection saw, sorted; also those without labels.
+
+        Several short ones are read at a time; never more than fits.
+        """
+        for dataset, first, last in _groups(self._sizes):
+            place = {
+                "exported_dataset": dataset,
+                "first_sequence": first,
+                "last_sequence": last,
+            }
+            frames = run_report(self.connection, "exported_frames", place).to_arrow_table()
+            labels = run_report(self.connection, "exported_labels", {**self._selected, **place})
+            own = _by_sequence(labels.to_arrow_table())
+            for sequence, part in _by_sequence(frames).items():
+                chosen = own.get(sequence, labels.limit(0).to_arrow_table())
+                rows = np.searchsorted(part["frame"].to_numpy(), chosen["frame"].to_numpy())
+                yield SequenceLabels(dataset, sequence, part, chosen, rows.astype(np.int64))
+
+
+@contextmanager
+def chosen_labels(
+    store: Store, selection_id: str, options: ExportOptions
+) -> Iterator[ChosenLabels]:
+    """Open a selection's labels for an export.
+
+    Frames and sequences are those of the snapshot that the selection read: what it never judged
+    must not look like an empty street.
+
+    Raises:
+        QueryError: `--where` is no condition on labels.
+        MissingEvidenceError: there is no such selection, or nothing to export; says why.
+    """
+    connection = store.connect()
+    try:
+        judged = _selection(connection, selection_id)
+        store.add_snapshot(connection, judged["snapshot"], "judged")
+        connection.execute("set search_path = 'judged,main'")
+        if options.where is not None:
+            files = Filesystem(store.url)
+            lock(connection, files.full_path("") if files.is_local else None)
+            check_condition(connection, options.where)
+            _keep(connection, selection_id, options.where)
+        chosen = ChosenLabels(connection, selection_id, options)
+        if not chosen.total:
+            raise _no_labels(judged, options)
+        yield chosen
+    finally:
+        connection.close()
+
+
+def columns(table: pa.Table, names: tuple[str, ...]) -> FloatArray:
+    """Return (N, len(names)) float64 of numeric columns; NaN for NULL."""
+    found = [table[name].to_numpy().astype(np.float64) for name in names]
+    return np.column_stack(found)
+
+
+def matrices(table: pa.Table, name: str, shape: tuple[int, int]) -> FloatArray:
+    """Return (N, *shape) of a column of row-major lists; NaN where it is NULL."""
+    column = table[name].combine_chunks()
+    result = np.full((len(column), *shape), np.nan)
+    there = np.flatnonzero(column.is_valid().to_numpy(zero_copy_only=False))
+    flat = column.flatten().to_numpy(zero_copy_only=False)
+    result[there] = flat.reshape(-1, *shape)
+    return result
 
 
 def open_folder(out: str | Path, overwrite: bool) -> Path:
@@ -51,19 +221,75 @@ def open_folder(out: str | Path, overwrite: bool) -> Path:
     return folder
 
 
-def no_labels(connection: duckdb.DuckDBPyConnection, selection_id: str) -> MissingEvidenceError:
-    """Return the error of an empty export: why there is nothing, and where to look."""
-    judged = connection.execute(
-        "select proposals_judged, labels from selections where selection_id = ?", [selection_id]
-    ).fetchone()
-    if judged is None:
-        return MissingEvidenceError(
+def _selection(connection: duckdb.DuckDBPyConnection, selection_id: str) -> dict[str, Any]:
+    rows = connection.execute(
+        "select selection_id, snapshot, proposals_judged, labels from selections "
+        "where selection_id = ?",
+        [selection_id],
+    )
+    names = [column[0] for column in rows.description or ()]
+    found = [dict(zip(names, row, strict=True)) for row in rows.fetchall()]
+    if not found:
+        raise MissingEvidenceError(
             f"there is no selection '{selection_id}': "
             'list them with `tcrdata sql "select selection_id, name, labels from selections"`'
         )
-    judging = f"select rule, count(*) from checks where selection_id = '{selection_id}'"
+    return found[0]
+
+
+def _keep(connection: duckdb.DuckDBPyConnection, selection_id: str, condition: str) -> None:
+    """Put the labels that fulfil a checked condition before those of the store."""
+    connection.execute("create schema chosen")
+    try:
+        connection.execute(
+            "create table chosen.labels as select * from labels "
+            f"where selection_id = ? and (\n{condition}\n)",
+            [selection_id],
+        )
+    except duckdb.Error as error:
+        first = str(error).strip().splitlines()[0]
+        raise TcrdataError(f"--where '{condition}' does not run: {first}") from error
+    connection.execute("set search_path = 'chosen,judged,main'")
+
+
+def _groups(
+    sizes: Sequence[tuple[str, str, int, int, int]],
+) -> Iterator[tuple[str, str, str]]:
+    """Yield a dataset with its first and last sequence to be read at a time."""
+    for dataset, of_dataset in groupby(sizes, key=lambda size: size[0]):
+        names: list[str] = []
+        rows = 0
+        for _, sequence, frames, labels, ignored in of_dataset:
+            rows += frames + labels + ignored
+            names.append(sequence)
+            if rows >= _ROWS_AT_A_TIME:
+                yield dataset, names[0], names[-1]
+                names, rows = [], 0
+        if names:
+            yield dataset, names[0], names[-1]
+
+
+def _by_sequence(table: pa.Table) -> dict[str, pa.Table]:
+    """Return the rows of each sequence, of rows in that order."""
+    names = table["sequence"].to_numpy()
+    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
+    return {
+        str(names[start]): table.slice(start, end - start)
+        for start, end in pairwise(edges)
+        if end > start
+    }
+
+
+def _no_labels(selection: dict[str, Any], options: ExportOptions) -> MissingEvidenceError:
+    """Return the error of an empty export: why there is nothing, and where to look."""
+    name, labels = selection["selection_id"], selection["labels"]
+    if options.where is not None and labels:
+        why = f"--where '{options.where}' keeps no positive label of selection '{name}'"
+    elif options.dataset is not None:
+        why = f"selection '{name}' has no positive labels of dataset '{options.dataset}'"
+    else:
+        why = f"selection '{name}' has no positive labels to export"
+    counts = f"{selection['proposals_judged']} proposals judged, {labels} labels of any state"
     return MissingEvidenceError(
-        f"selection '{selection_id}' has no positive labels to export "
-        f"({judged[0]} proposals judged, {judged[1]} labels of any state): see which rule drops "
-        f'them with `tcrdata sql "{judging} and passed is distinct from true group by rule"`'
+        f"{why} ({counts}): see what drops them with `tcrdata funnel --selection {name}`"
     )

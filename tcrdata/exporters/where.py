@@ -1,0 +1,85 @@
+"""The user's own condition on labels: checked, and run where it can write nothing."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import duckdb
+
+from tcrdata.errors import QueryError
+
+_QUERY = "select * from labels where (\n{}\n)"
+_PLACES = ("query_location", "query_location_length")
+
+
+def check_condition(connection: duckdb.DuckDBPyConnection, condition: str) -> None:
+    """Refuse a text that is no boolean expression over the columns of `labels`.
+
+    DuckDB's own parser must read `select * from labels where (<condition>)` as exactly that query:
+    nothing after the condition, no second statement, nothing that writes.
+
+    Args:
+        connection: has the view `labels`.
+        condition: SQL.
+
+    Raises:
+        QueryError: it is none; says why in one line.
+    """
+    if not condition.strip():
+        raise QueryError("--where is empty: give a condition such as --where 'score > 0.9'")
+    tree = _tree(connection, condition)
+    if _around(tree) != _around(_tree(connection, "true")):
+        raise QueryError(
+            f"--where '{condition}' is more than one condition on a label: "
+            "leave what follows the condition away (union, order by, limit ...)"
+        )
+    try:
+        (kind,) = connection.sql(f"select (\n{condition}\n) from labels").types
+        connection.sql(_QUERY.format(condition))
+    except duckdb.Error as error:
+        raise _refused(condition, str(error)) from error
+    if str(kind) != "BOOLEAN":
+        raise QueryError(
+            f"--where '{condition}' is {str(kind).lower()}, not true or false: compare it with "
+            "something"
+        )
+
+
+def lock(connection: duckdb.DuckDBPyConnection, folder: str | None) -> None:
+    """Let a connection read one folder's files and nothing else, for good."""
+    folders = [] if folder is None else [folder.rstrip("/") + "/"]
+    connection.execute("set allowed_directories = $folders", {"folders": folders})
+    connection.execute("set enable_external_access = false")
+    connection.execute("set lock_configuration = true")
+
+
+def _tree(connection: duckdb.DuckDBPyConnection, condition: str) -> dict[str, Any]:
+    """Return the parsed query with the condition in it."""
+    rows = connection.execute("select json_serialize_sql(?)", [_QUERY.format(condition)])
+    tree: dict[str, Any] = json.loads(rows.fetchall()[0][0])
+    if tree["error"]:
+        raise _refused(condition, tree["error_message"])
+    return tree
+
+
+def _around(tree: dict[str, Any]) -> Any:
+    """Return a parsed query without its condition."""
+    nodes = [dict(statement["node"]) for statement in tree["statements"]]
+    return _without_places([{**node, "where_clause": None} for node in nodes])
+
+
+def _without_places(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _without_places(v) for k, v in value.items() if k not in _PLACES}
+    if isinstance(value, list):
+        return [_without_places(item) for item in value]
+    return value
+
+
+def _refused(condition: str, reason: str) -> QueryError:
+    first = reason.strip().splitlines()[0]
+    return QueryError(
+        f"--where '{condition}' is no condition on labels: {first}; "
+        'it may use the columns of labels: see `tcrdata sql "describe labels"`'
+    )
