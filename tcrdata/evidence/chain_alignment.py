@@ -81,14 +81,29 @@ def alignments(
         yield from part
 
 
-def _items(frames: Sequence[Frame], poses: Poses, frames_later: int) -> list[_Item]:
-    items = []
-    for i, frame in enumerate(frames):
-        for j in range(min(i + frames_later, len(frames) - 1), i, -1):
-            if poses.linked(frame.frame, frames[j].frame):
-                items.append(_Item(frame, frames[j], j - i))
+def frames_to_lay_on(
+    order: Sequence[int], poses: Poses, frames_later: int
+) -> dict[int, tuple[int, int]]:
+    """Return for each frame the linked one it is laid on, and how many usable frames later that is.
+
+    Args:
+        order: numbers of the usable frames, rising.
+        poses: the chained motions.
+        frames_later: how far to look; less where fewer frames are linked.
+    """
+    found = {}
+    for i, frame in enumerate(order):
+        for j in range(min(i + frames_later, len(order) - 1), i, -1):
+            if poses.linked(frame, order[j]):
+                found[frame] = (order[j], j - i)
                 break
-    return items
+    return found
+
+
+def _items(frames: Sequence[Frame], poses: Poses, frames_later: int) -> list[_Item]:
+    known = {frame.frame: frame for frame in frames}
+    found = frames_to_lay_on(list(known), poses, frames_later)
+    return [_Item(known[n], known[later], count) for n, (later, count) in found.items()]
 
 
 def _task(

@@ -13,18 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from tcrdata.errors import FrameError
-from tcrdata.evidence.alignment import cycle_error, share_with_neighbour
-from tcrdata.evidence.chunks import even_spans
 from tcrdata.evidence.depth_path import DepthPath
 from tcrdata.evidence.lidar_path import LidarPath
+from tcrdata.evidence.odometry_checks import CheckSettings, Link, checked
 from tcrdata.evidence.point_rows import (
     EncodedPoints,
     decode_matching,
     error_rows,
     read_encoded,
 )
-from tcrdata.evidence.poses import Poses, chain
-from tcrdata.geometry.transforms import inverse, rotation_angle, transform_points
+from tcrdata.geometry.transforms import inverse
 from tcrdata.types import (
     CueInput,
     Dataset,
@@ -96,30 +94,6 @@ class _Direction:
     ground: dict[int, EncodedPoints]
 
 
-@dataclass(frozen=True)
-class _Link:
-    """Both estimates of one motion."""
-
-    frame: int
-    frame_to: int
-    to_T_from: FloatArray
-    from_T_to: FloatArray
-
-
-@dataclass(frozen=True)
-class _Chunk:
-    """Links to be checked, with every frame that the checks read."""
-
-    dataset: Dataset
-    sensor: Sensor
-    settings: Settings
-    links: tuple[_Link, ...]
-    later: dict[int, tuple[int, int]]
-    poses: Poses
-    frames: dict[int, Frame]
-    ground: dict[int, EncodedPoints]
-
-
 def run(cue: CueInput) -> Iterator[Rows]:
     """Yield rows of `egomotions` with method odometry, one a pair of consecutive usable frames."""
     settings = _scaled(cue.settings, cue.info.metric_scale)
@@ -128,10 +102,9 @@ def run(cue: CueInput) -> Iterator[Rows]:
         _Direction(cue.dataset, cue.info.sensor, settings, frames, ground)
         for frames in (cue.frames, cue.frames[::-1])
     )
-    (forward, errors), (backward, _) = cue.parallel(_estimate, [onward, back])
-    yield from error_rows(errors)
-    links = _links(forward, backward)
-    yield from cue.parallel(_check, _chunks(cue, settings, links, ground))
+    (forward, errors), (backward, errors_back) = cue.parallel(_estimate, [onward, back])
+    yield from error_rows(sorted({**dict(errors_back), **dict(errors)}.items()))
+    yield from checked(cue, _links(forward, backward), ground, _checks(settings))
 
 
 def _scaled(settings: Settings, metric_scale: float) -> Settings:
@@ -213,87 +186,19 @@ def _usable(direction: _Direction, frame: Frame, cloud: PointCloud) -> Float32Ar
 
 def _links(
     forward: list[tuple[int, int, FloatArray]], backward: list[tuple[int, int, FloatArray]]
-) -> list[_Link]:
+) -> list[Link]:
     back = {(to, start): motion for start, to, motion in backward}
     return [
-        _Link(start, to, motion, back[start, to])
+        Link(start, to, motion, back[start, to])
         for start, to, motion in forward
         if (start, to) in back
     ]
 
 
-def _chunks(
-    cue: CueInput, settings: Settings, links: list[_Link], ground: dict[int, EncodedPoints]
-) -> Iterator[_Chunk]:
-    poses = chain([(x.frame, x.frame_to, tuple(x.to_T_from.ravel())) for x in links])
-    frames = {frame.frame: frame for frame in cue.frames}
-    later = _later(links, poses, settings.alignment_frames)
-    for first, last in even_spans(len(links), largest=settings.chunk_frames, fewest=2):
-        part = links[first:last]
-        read = {n for x in part for n in (x.frame, later[x.frame][0])}
-        yield _Chunk(
-            dataset=cue.dataset,
-            sensor=cue.info.sensor,
-            settings=settings,
-            links=tuple(part),
-            later={x.frame: later[x.frame] for x in part},
-            poses=poses.only(sorted(read)),
-            frames={n: frames[n] for n in sorted(read)},
-            ground={n: ground[n] for n in sorted(read) if n in ground},
-        )
-
-
-def _later(links: list[_Link], poses: Poses, frames_later: int) -> dict[int, tuple[int, int]]:
-    """Return for each link's frame the one it is laid on, and how many frames later that is."""
-    order = sorted({n for x in links for n in (x.frame, x.frame_to)})
-    position = {frame: i for i, frame in enumerate(order)}
-    result = {}
-    for x in links:
-        i = position[x.frame]
-        for j in range(min(i + frames_later, len(order) - 1), i, -1):
-            if poses.linked(x.frame, order[j]):
-                result[x.frame] = (order[j], j - i)
-                break
-    return result
-
-
-def _check(chunk: _Chunk) -> Rows:
-    """Return the rows of a chunk's links; each sweep is read once."""
-    kept: dict[int, tuple[Float32Array, Float32Array]] = {}
-    columns: dict[str, list[object]] = {}
-    for link in chunk.links:
-        kept = {number: sweep for number, sweep in kept.items() if number >= link.frame}
-        for number in {link.frame, chunk.later[link.frame][0]} - kept.keys():
-            kept[number] = _sweep(chunk, number)
-        for name, value in _row(chunk, link, kept).items():
-            columns.setdefault(name, []).append(value)
-    return Rows("egomotions", columns)
-
-
-def _sweep(chunk: _Chunk, number: int) -> tuple[Float32Array, Float32Array]:
-    """Return all points of a frame, and those that are no ground."""
-    xyz = chunk.dataset.read_points(chunk.frames[number]).xyz
-    ground = chunk.ground.get(number)
-    return xyz, xyz if ground is None else xyz[~decode_matching(ground, len(xyz))]
-
-
-def _row(
-    chunk: _Chunk, link: _Link, kept: dict[int, tuple[Float32Array, Float32Array]]
-) -> dict[str, object]:
-    xyz, objects = kept[link.frame]
-    later, frames_later = chunk.later[link.frame]
-    stride = max(-(-len(objects) // chunk.settings.alignment_points), 1)
-    moved = transform_points(chunk.poses.a_T_b(later, link.frame), objects[::stride])
-    share = share_with_neighbour(moved, kept[later][1], chunk.settings.alignment_radius_m)
-    return {
-        "frame": link.frame,
-        "frame_to": link.frame_to,
-        "method": "odometry",
-        "to_T_from": link.to_T_from.ravel().tolist(),
-        "from_T_to": link.from_T_to.ravel().tolist(),
-        "translation_m": float(np.linalg.norm(link.to_T_from[:3, 3])),
-        "rotation_rad": rotation_angle(link.to_T_from),
-        "cycle_error_m": cycle_error(xyz, link.to_T_from, link.from_T_to),
-        "alignment_share": share,
-        "alignment_frames": frames_later,
-    }
+def _checks(settings: Settings) -> CheckSettings:
+    return CheckSettings(
+        settings.alignment_frames,
+        settings.alignment_radius_m,
+        settings.alignment_points,
+        settings.chunk_frames,
+    )

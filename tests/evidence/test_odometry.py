@@ -1,13 +1,17 @@
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 import pytest
 from street import FakeTables, Street, measure, street_frames
 
+from tcrdata.errors import FrameError
 from tcrdata.evidence import ground, odometry
 from tcrdata.evidence.depth_path import DepthPath
 from tcrdata.evidence.lidar_path import motion_power
 from tcrdata.evidence.poses import read_poses
+from tcrdata.types import Frame, PointCloud
 
 
 @pytest.fixture(scope="module")
@@ -59,6 +63,45 @@ def test_damaged_and_sparse_frames_are_passed_over() -> None:
     links = [(r["frame"], r["frame_to"]) for r in tables.rows["egomotions"]]
     assert links == [(0, 1), (1, 3), (3, 5), (5, 6)]
     assert [r["frame"] for r in tables.rows["errors"]] == [2, 2]
+
+
+@dataclass(frozen=True)
+class _Decaying(Street):
+    """A street whose sweep `lost` can be read a few times only."""
+
+    lost: int = -1
+    left: list[int] = field(default_factory=list, compare=False)
+
+    def read_points(self, frame: Frame) -> PointCloud:
+        if frame.frame == self.lost and not self.left:
+            raise FrameError(f"frame {frame.frame}: the disk is gone")
+        if frame.frame == self.lost:
+            self.left.pop()
+        return super().read_points(frame)
+
+
+def test_a_sweep_that_is_lost_before_the_checks_fails_its_frame_alone() -> None:
+    street, tables = _Decaying(frames_count=14, lost=11, left=[1, 1, 1]), FakeTables()
+    measure(ground, street, tables)
+    measure(odometry, street, tables, chunk_frames=5)
+    assert [(r["frame"], r["error"]) for r in tables.rows["errors"]] == [
+        (11, "frame 11: the disk is gone")
+    ]
+    rows = {r["frame"]: r for r in tables.rows["egomotions"]}
+    assert list(rows) == list(range(13))
+    assert [n for n, r in rows.items() if r["cycle_error_m"] is None] == [11]
+    assert [n for n, r in rows.items() if r["alignment_share"] is None] == [1, 11]
+    assert read_poses(tables).linked(0, 13)
+
+
+def test_a_sweep_that_is_lost_on_the_way_back_is_reported() -> None:
+    street, tables = _Decaying(frames_count=6, lost=3, left=[1, 1]), FakeTables()
+    measure(ground, street, tables)
+    measure(odometry, street, tables)
+    assert [r["frame"] for r in tables.rows["errors"]] == [3]
+    assert [(r["frame"], r["frame_to"]) for r in tables.rows["egomotions"]] == [
+        (0, 1), (1, 2), (4, 5)
+    ]  # fmt: skip
 
 
 def test_frames_far_apart_in_time_are_not_linked() -> None:
