@@ -3,10 +3,15 @@
 -- rules: source, motion_level, enough_points, center_surround, cycle_error
 -- required: source, motion_level, center_surround, cycle_error
 -- cues: flow_ransac, regions_paper
+-- ignore: release
+-- loosened: min_points = 6, min_center_surround_chi2 = 0.35, max_cycle_error_m = 0.35
 set variable taken_source = 'paper';
 set variable taken_fit = 'min_area';
 set variable min_points = 10;
 set variable max_cycle_error_m = 0.25;
+-- Its RANSAC takes the flows that pass the released code's cycle test, one to one. With the paper's
+-- own (tcrdata build --set flow_ransac.cycle_test=paper) sweeps align worse on two real clips (0.55
+-- of the points instead of 0.60), and recall falls by 0.01 at IoU 0.3.
 set variable egomotion_method = 'flow_ransac';
 
 -- The faster a region moves by itself, the surer.

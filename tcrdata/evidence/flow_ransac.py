@@ -40,7 +40,8 @@ class Settings:
 
     Attributes:
         cycle_test: flows that take part: those that pass the paper's or the release's test, or
-            all (`none`).
+            all (`none`). The release's is stricter, one to one, and its motions align better:
+            preset `paper` takes them too.
         inlier_radius_m: a displacement within this of the motion agrees with it.
         draws: motions tried.
         draw_size: displacements a draw.
