@@ -1,4 +1,4 @@
-"""Finds datasets, cues and exporters by name: by listing a package, never from a list to edit."""
+"""Finds datasets, cues, exporters and networks by listing a package: there is no list to edit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,12 @@ from typing import Any
 
 from tcrdata.errors import SettingsError
 
-ENTRY_FUNCTIONS = {"datasets": "open_dataset", "evidence": "run", "exporters": "export"}
+ENTRY_FUNCTIONS = {
+    "datasets": "open_dataset",
+    "evidence": "run",
+    "exporters": "export",
+    "networks": "make_network",
+}
 
 
 def names(kind: str) -> list[str]:
@@ -22,7 +27,7 @@ def names(kind: str) -> list[str]:
     point of the group `tcrdata.<kind>` that another package installs.
 
     Args:
-        kind: `datasets`, `evidence` or `exporters`.
+        kind: `datasets`, `evidence`, `exporters` or `networks`.
     """
     return sorted({*_modules(kind), *_entry_points(kind)})
 
@@ -31,7 +36,7 @@ def find(kind: str, name: str) -> ModuleType:
     """Return the module of a plug-in.
 
     Args:
-        kind: `datasets`, `evidence` or `exporters`.
+        kind: `datasets`, `evidence`, `exporters` or `networks`.
         name: a name that `names(kind)` lists (a dash counts as an underscore), or the dotted
             path of a module that defines the kind's entry function.
 
