@@ -14,13 +14,16 @@ import numpy as np
 import pyarrow as pa
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
-from tcrdata.exporters.where import check_condition, lock
+from tcrdata.exporters.where import keep, lock
 from tcrdata.reports import run_report
 from tcrdata.store import Store
 from tcrdata.store.filesystem import Filesystem
+from tcrdata.store.schemas import is_view, table_names
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
 _ROWS_AT_A_TIME = 50_000
+_READ = ("labels", "selections", "images", "sweeps")
+_JUDGED = "judged"  # schema of the tables as the selection read them
 _BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
@@ -34,6 +37,8 @@ class ExportOptions:
         category: type written for every object: labels have no class.
         dataset: export this dataset's sequences alone.
         overwrite: write into a folder that is not empty.
+        validation: sequences that formats with splits put into their validation split.
+        labels_only: write no images and no points, nor links to them.
     """
 
     where: str | None = None
@@ -41,6 +46,8 @@ class ExportOptions:
     category: str = "Car"
     dataset: str | None = None
     overwrite: bool = False
+    validation: tuple[str, ...] = ()
+    labels_only: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,6 +91,7 @@ class SequenceLabels:
             can be read, also those without labels.
         labels: rows of `queries/reports/exported_labels.sql`, sorted by frame, the surest first.
         frame_rows: (N,) row of `frames` of each label.
+        beside: the sequence's rows of the report that `ChosenLabels.sequences` was asked for.
     """
 
     dataset: str
@@ -91,6 +99,7 @@ class SequenceLabels:
     frames: pa.Table
     labels: pa.Table
     frame_rows: IntArray
+    beside: pa.Table | None = None
 
     @property
     def root(self) -> str:
@@ -124,6 +133,7 @@ class ChosenLabels:
         total: positive labels chosen.
         ignored: undecided labels chosen.
         frames: frames, those without labels too.
+        images: frames with an image.
     """
 
     def __init__(
@@ -133,15 +143,19 @@ class ChosenLabels:
         self._selected = {"selection_id": selection_id, "keep_ignored": options.ignore == "keep"}
         only = {"exported_dataset": options.dataset}
         found = run_report(connection, "exported_sequences", {**self._selected, **only})
-        self._sizes: list[tuple[str, str, int, int, int]] = found.fetchall()
-        self.frames, self.total, self.ignored = (
-            sum(int(size[column]) for size in self._sizes) for column in (2, 3, 4)
+        self._sizes: list[tuple[str, str, int, int, int, int]] = found.fetchall()
+        self.frames, self.total, self.ignored, self.images = (
+            sum(int(size[column]) for size in self._sizes) for column in (2, 3, 4, 5)
         )
 
-    def sequences(self) -> Iterator[SequenceLabels]:
+    def sequences(self, beside: str | None = None) -> Iterator[SequenceLabels]:
         """Yield every sequence that the selection saw, sorted; also those without labels.
 
         Several short ones are read at a time; never more than fits.
+
+        Args:
+            beside: a further report with the parameters of `exported_labels.sql` that choose
+                labels and sequences, and with rows sorted by sequence.
         """
         for dataset, first, last in _groups(self._sizes):
             place = {
@@ -152,10 +166,16 @@ class ChosenLabels:
             frames = run_report(self.connection, "exported_frames", place).to_arrow_table()
             labels = run_report(self.connection, "exported_labels", {**self._selected, **place})
             own = _by_sequence(labels.to_arrow_table())
+            more: dict[str, pa.Table] = {}
+            if beside is not None:
+                report = run_report(self.connection, beside, {**self._selected, **place})
+                more = _by_sequence(report.to_arrow_table())
             for sequence, part in _by_sequence(frames).items():
                 chosen = own.get(sequence, labels.limit(0).to_arrow_table())
                 rows = np.searchsorted(part["frame"].to_numpy(), chosen["frame"].to_numpy())
-                yield SequenceLabels(dataset, sequence, part, chosen, rows.astype(np.int64))
+                yield SequenceLabels(
+                    dataset, sequence, part, chosen, rows.astype(np.int64), more.get(sequence)
+                )
 
 
 @contextmanager
@@ -171,16 +191,17 @@ def chosen_labels(
         QueryError: `--where` is no condition on labels.
         MissingEvidenceError: there is no such selection, or nothing to export; says why.
     """
-    connection = store.connect()
+    tables = _READ if options.where is None else [t for t in table_names() if not is_view(t)]
+    connection = store.connect(tables=tables)
     try:
         judged = _selection(connection, selection_id)
-        store.add_snapshot(connection, judged["snapshot"], "judged")
-        connection.execute("set search_path = 'judged,main'")
+        store.add_snapshot(connection, judged["snapshot"], _JUDGED)
+        connection.execute(f"set search_path = '{_JUDGED},main'")
         if options.where is not None:
             files = Filesystem(store.url)
             lock(connection, files.full_path("") if files.is_local else None)
-            check_condition(connection, options.where)
-            _keep(connection, selection_id, options.where)
+            keep(connection, selection_id, options.where)
+            connection.execute(f"set search_path = 'chosen,{_JUDGED},main'")
         chosen = ChosenLabels(connection, selection_id, options)
         if not chosen.total:
             raise _no_labels(judged, options)
@@ -237,29 +258,14 @@ def _selection(connection: duckdb.DuckDBPyConnection, selection_id: str) -> dict
     return found[0]
 
 
-def _keep(connection: duckdb.DuckDBPyConnection, selection_id: str, condition: str) -> None:
-    """Put the labels that fulfil a checked condition before those of the store."""
-    connection.execute("create schema chosen")
-    try:
-        connection.execute(
-            "create table chosen.labels as select * from labels "
-            f"where selection_id = ? and (\n{condition}\n)",
-            [selection_id],
-        )
-    except duckdb.Error as error:
-        first = str(error).strip().splitlines()[0]
-        raise TcrdataError(f"--where '{condition}' does not run: {first}") from error
-    connection.execute("set search_path = 'chosen,judged,main'")
-
-
 def _groups(
-    sizes: Sequence[tuple[str, str, int, int, int]],
+    sizes: Sequence[tuple[str, str, int, int, int, int]],
 ) -> Iterator[tuple[str, str, str]]:
     """Yield a dataset with its first and last sequence to be read at a time."""
     for dataset, of_dataset in groupby(sizes, key=lambda size: size[0]):
         names: list[str] = []
         rows = 0
-        for _, sequence, frames, labels, ignored in of_dataset:
+        for _, sequence, frames, labels, ignored, _ in of_dataset:
             rows += frames + labels + ignored
             names.append(sequence)
             if rows >= _ROWS_AT_A_TIME:

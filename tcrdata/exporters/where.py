@@ -9,40 +9,48 @@ import duckdb
 
 from tcrdata.errors import QueryError
 
-_QUERY = "select * from labels where (\n{}\n)"
 _PLACES = ("query_location", "query_location_length")
 
 
-def check_condition(connection: duckdb.DuckDBPyConnection, condition: str) -> None:
-    """Refuse a text that is no boolean expression over the columns of `labels`.
+def keep(connection: duckdb.DuckDBPyConnection, selection_id: str, condition: str) -> None:
+    """Make `chosen.labels`: a selection's labels that fulfil a condition.
 
     DuckDB's own parser must read `select * from labels where (<condition>)` as exactly that query:
     nothing after the condition, no second statement, nothing that writes.
 
     Args:
-        connection: has the view `labels`.
-        condition: SQL.
+        connection: has `labels`; locked by `lock`, so that no function reaches other files.
+        selection_id: whose labels.
+        condition: SQL; true or false for each label.
 
     Raises:
-        QueryError: it is none; says why in one line.
+        QueryError: it is no such condition, or does not run; says why in one line.
     """
     if not condition.strip():
         raise QueryError("--where is empty: give a condition such as --where 'score > 0.9'")
-    tree = _tree(connection, condition)
-    if _around(tree) != _around(_tree(connection, "true")):
+    if statement := _statement(connection, condition):
+        raise QueryError(
+            f"--where '{condition}' is a statement ({statement}): give only what must hold for a "
+            "label, such as --where 'score > 0.9'"
+        )
+    if _around(_tree(connection, condition)) != _around(_tree(connection, "true")):
         raise QueryError(
             f"--where '{condition}' is more than one condition on a label: "
             "leave what follows the condition away (union, order by, limit ...)"
         )
     try:
         (kind,) = connection.sql(f"select (\n{condition}\n) from labels").types
-        connection.sql(_QUERY.format(condition))
+        chosen = connection.sql(f"select * from labels where (\n{condition}\n)")
+        if str(kind) == "BOOLEAN":
+            connection.execute("create schema chosen")
+            name = duckdb.ConstantExpression(selection_id)
+            chosen.filter(duckdb.ColumnExpression("selection_id") == name).create("chosen.labels")
     except duckdb.Error as error:
         raise _refused(condition, str(error)) from error
     if str(kind) != "BOOLEAN":
         raise QueryError(
-            f"--where '{condition}' is {str(kind).lower()}, not true or false: compare it with "
-            "something"
+            f"--where '{condition}' is {str(kind).lower()}, not true or false: "
+            "compare it with something"
         )
 
 
@@ -54,9 +62,20 @@ def lock(connection: duckdb.DuckDBPyConnection, folder: str | None) -> None:
     connection.execute("set lock_configuration = true")
 
 
+def _statement(connection: duckdb.DuckDBPyConnection, condition: str) -> str | None:
+    """Return what kind of statement a text is by itself; None when it is none, as it should be."""
+    try:
+        found = connection.extract_statements(condition)
+    except duckdb.ParserException:
+        return None
+    return found[0].type.name.lower() if found else None
+
+
 def _tree(connection: duckdb.DuckDBPyConnection, condition: str) -> dict[str, Any]:
     """Return the parsed query with the condition in it."""
-    rows = connection.execute("select json_serialize_sql(?)", [_QUERY.format(condition)])
+    rows = connection.execute(
+        "select json_serialize_sql(?)", [f"select * from labels where (\n{condition}\n)"]
+    )
     tree: dict[str, Any] = json.loads(rows.fetchall()[0][0])
     if tree["error"]:
         raise _refused(condition, tree["error_message"])
