@@ -1,10 +1,10 @@
--- How much of each sequence an export is about: frames that can be read, labels, and labels left undecided.
+-- How much of each sequence an export is about: frames that can be read, labels, labels left undecided, and frames with an image.
 set variable selection_id = null::varchar;     -- which selection; NULL = every one in the store
 set variable exported_dataset = null::varchar;  -- which dataset; NULL = all
 set variable keep_ignored = true;              -- true or false: undecided labels are written too
 
 with readable as (
-    select dataset, sequence, frame
+    select dataset, sequence, frame, has_image
     from frames
     where round = 1 and status = 'ok'
       and (getvariable('exported_dataset') is null or dataset = getvariable('exported_dataset'))
@@ -18,7 +18,8 @@ labelled as (
     group by all
 )
 select dataset, sequence, count(*) as frames,
-       coalesce(any_value(labels), 0) as labels, coalesce(any_value(ignored), 0) as ignored
+       coalesce(any_value(labels), 0) as labels, coalesce(any_value(ignored), 0) as ignored,
+       count(*) filter (has_image) as images
 from readable
 left join labelled using (dataset, sequence)
 group by dataset, sequence

@@ -1,0 +1,148 @@
+"""The images of frames as encoded files: the dataset's own, or made where there is none."""
+
+from __future__ import annotations
+
+import io
+import shutil
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from tcrdata import registry
+from tcrdata.errors import FrameError, MissingEvidenceError, TcrdataError
+from tcrdata.exporters.labels import ChosenLabels, SequenceLabels
+from tcrdata.types import Dataset, Frame
+
+_MADE = ".png"
+
+
+@dataclass(frozen=True)
+class EncodedImage:
+    """An image as its file holds it.
+
+    Attributes:
+        data: the file's bytes.
+        suffix: of the file's name, lower case, with its dot.
+    """
+
+    data: bytes
+    suffix: str
+
+
+class FrameImages:
+    """The images of one sequence, read one at a time; rows are those of `SequenceLabels.frames`."""
+
+    def __init__(self, part: SequenceLabels) -> None:
+        self._part = part
+        self._numbers: list[int] = part.frames["frame"].to_pylist()
+        self._has_image: list[bool] = part.frames["has_image"].to_pylist()
+        self._paths: list[str | None] = part.frames["image_path"].to_pylist()
+
+    def has_image(self, row: int) -> bool:
+        """Whether the build found an image of this frame that can be used."""
+        return self._has_image[row]
+
+    def name(self, row: int) -> str:
+        """Return `<sequence>/<frame><suffix>`: where an export keeps the image of a frame."""
+        return f"{self._part.sequence}/{self._numbers[row]:06d}{self._suffix(row)}"
+
+    def encoded(self, row: int) -> EncodedImage:
+        """Return the bytes of the dataset's file; a PNG of the pixels where they are generated.
+
+        Raises:
+            FrameError: the frame has no image, or it is gone since the build.
+        """
+        path = self._file(row)
+        if path is None:
+            return EncodedImage(self._made(row), _MADE)
+        try:
+            return EncodedImage(path.read_bytes(), self._suffix(row))
+        except OSError as error:
+            raise self._gone(row, error) from error
+
+    def place(self, row: int, folder: Path) -> None:
+        """Put the image at `folder / name(row)`: a link to the dataset's file, else a PNG.
+
+        Raises:
+            FrameError: the frame has no image, or it is gone since the build.
+        """
+        target = folder / self.name(row)
+        target.unlink(missing_ok=True)
+        path = self._file(row)
+        if path is None:
+            target.write_bytes(self._made(row))
+            return
+        try:
+            target.symlink_to(path.resolve(strict=True))
+        except FileNotFoundError as error:
+            raise self._gone(row, error) from error
+        except (OSError, NotImplementedError):
+            # A file system without links, or a user who may make none.
+            shutil.copyfile(path, target)
+
+    def _file(self, row: int) -> Path | None:
+        path = self._paths[row]
+        return None if path is None else Path(self._part.root) / path
+
+    def _suffix(self, row: int) -> str:
+        path = self._paths[row]
+        return _MADE if path is None else Path(path).suffix.lower()
+
+    def _made(self, row: int) -> bytes:
+        """Return the PNG of an image that the dataset makes and keeps in no file."""
+        from PIL import Image
+
+        number = self._numbers[row]
+        if not self._has_image[row] or number not in self._frames:
+            raise FrameError(
+                f"frame {number} of '{self._part.sequence}' has no image: "
+                "choose frames that have one with --where"
+            )
+        buffer = io.BytesIO()
+        pixels = self._dataset.read_image(self._frames[number])
+        Image.fromarray(pixels).save(buffer, "PNG", compress_level=1)
+        return buffer.getvalue()
+
+    def _gone(self, row: int, error: OSError) -> FrameError:
+        return FrameError(
+            f"image {self._file(row)} of frame {self._numbers[row]} of '{self._part.sequence}' "
+            f"cannot be read ({error.strerror}): put it back, or build again"
+        )
+
+    @cached_property
+    def _dataset(self) -> Dataset:
+        opened: Dataset = registry.find("datasets", self._part.dataset).open_dataset(
+            self._part.root
+        )
+        return opened
+
+    @cached_property
+    def _frames(self) -> dict[int, Frame]:
+        return {frame.frame: frame for frame in self._dataset.frames(self._part.sequence)}
+
+
+def check_name(owners: dict[str, str], part: SequenceLabels) -> None:
+    """Refuse a second dataset's sequence of one name: its files would replace the first's.
+
+    Args:
+        owners: sequence to dataset of those written so far; gets this one.
+        part: the sequence.
+
+    Raises:
+        TcrdataError: another dataset has a sequence of this name.
+    """
+    other = owners.setdefault(part.sequence, part.dataset)
+    if other != part.dataset:
+        raise TcrdataError(
+            f"{other} and {part.dataset} both have a sequence '{part.sequence}': "
+            f"export one dataset at a time: add --dataset {part.dataset}"
+        )
+
+
+def check_images(what: str, chosen: ChosenLabels) -> None:
+    """Refuse to write a format of images where no frame has one: MissingEvidenceError."""
+    if not chosen.images:
+        raise MissingEvidenceError(
+            f"{what} labels images, and none of the {chosen.frames} frames has one: "
+            "export a format of 3D boxes instead, such as kitti-tracking or nuscenes"
+        )

@@ -1,0 +1,141 @@
+"""YOLO: `labels/<sequence>/<frame>.txt` beside `images/<sequence>/<frame>.png`, and `data.yaml`.
+
+A line an object: class, then centre x, centre y, width and height as shares of the image. Readers
+find the labels of an image by putting `labels` for `images` in its path. Source: the detection
+dataset format in Ultralytics' documentation (docs.ultralytics.com/datasets/detect).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from tcrdata.exporters.cameras import image_boxes
+from tcrdata.exporters.frame_images import FrameImages, check_images, check_name
+from tcrdata.exporters.labels import (
+    Card,
+    ChosenLabels,
+    ExportOptions,
+    SequenceLabels,
+    chosen_labels,
+    columns,
+    open_folder,
+)
+from tcrdata.store import Store
+from tcrdata.types import BoolArray
+
+_CLASS = 0
+_LIST = "images.txt"
+
+
+@dataclass
+class _Counts:
+    """What was written so far."""
+
+    images: int = 0
+    positive: int = 0
+    ignored: int = 0
+    ignore_files: int = 0
+
+
+def export(
+    store: Store, selection_id: str, out: str | Path, options: ExportOptions | None = None
+) -> Card:
+    """Write the labels of a selection that an image shows; an empty file for an image without.
+
+    Args:
+        store: holds the selection; its dataset's images must still be where the build read them.
+        selection_id: of the labels.
+        out: folder that gets `data.yaml`, `images.txt`, `images/`, `labels/` and, where there are
+            undecided labels, `ignore/`.
+        options: which labels, and how.
+
+    Raises:
+        TcrdataError: the folder is not empty, or two datasets have a sequence of one name.
+        QueryError: the condition of `where` is none.
+        MissingEvidenceError: there is no such selection, no positive label, or no image.
+        FrameError: an image is gone since the build.
+    """
+    options = options or ExportOptions()
+    counts = _Counts()
+    owners: dict[str, str] = {}
+    with chosen_labels(store, selection_id, options) as chosen:
+        check_images("yolo", chosen)
+        folder = open_folder(out, options.overwrite)
+        with (folder / _LIST).open("w", encoding="utf-8") as listing:
+            for part in chosen.sequences():
+                check_name(owners, part)
+                names = _write(folder, part, counts)
+                listing.writelines(f"./images/{name}\n" for name in names)
+        (folder / "data.yaml").write_text(_data_yaml(options.category), encoding="utf-8")
+    return _card(str(out), options, counts, chosen)
+
+
+def _write(folder: Path, part: SequenceLabels, counts: _Counts) -> list[str]:
+    """Write one sequence; returns the names of its images."""
+    files = FrameImages(part)
+    for kind in ("images", "labels"):
+        (folder / kind / part.sequence).mkdir(parents=True, exist_ok=True)
+    lines, shown = _lines(part)
+    positive = part.positive
+    names = []
+    for row, labels in part.by_frame():
+        if not files.has_image(row):
+            continue
+        files.place(row, folder / "images")
+        names.append(files.name(row))
+        text = Path(files.name(row)).with_suffix(".txt")
+        own = np.arange(labels.start, labels.stop)[shown[labels]]
+        kept, undecided = own[positive[own]], own[~positive[own]]
+        (folder / "labels" / text).write_text("".join([lines[n] for n in kept]), encoding="ascii")
+        target = folder / "ignore" / text
+        target.unlink(missing_ok=True)
+        if len(undecided):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text("".join([lines[n] for n in undecided]), encoding="ascii")
+            counts.ignore_files += 1
+        counts.positive += len(kept)
+        counts.ignored += len(undecided)
+    counts.images += len(names)
+    return names
+
+
+def _lines(part: SequenceLabels) -> tuple[list[str], BoolArray]:
+    """Return the line of every label, and which labels an image shows."""
+    boxes = image_boxes(part)
+    size = columns(part.frames, ("width_px", "height_px"))[part.frame_rows]
+    low, high = boxes[:, :2], boxes[:, 2:]
+    shares = np.hstack([(low + high) / 2 / size, (high - low) / size])
+    lines = [f"{_CLASS} {x:.8f} {y:.8f} {w:.8f} {h:.8f}\n" for x, y, w, h in shares.tolist()]
+    return lines, np.asarray(~np.isnan(boxes).any(axis=1))
+
+
+def _data_yaml(category: str) -> str:
+    # JSON's strings are YAML's too. Without `path`, the folder of this file counts.
+    return (
+        "# The labels are not split: train and val are the same images.\n"
+        f"train: {_LIST}\nval: {_LIST}\nnames:\n  {_CLASS}: {json.dumps(category)}\n"
+    )
+
+
+def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabels) -> Card:
+    unseen = chosen.total + chosen.ignored - counts.positive - counts.ignored
+    side = "the format has none: they stand in ignore/, as labels do in labels/; mask them yourself"
+    conventions = (
+        ("file", "labels/<sequence>/<frame>.txt: class, centre x, centre y, width, height"),
+        ("images", "links to the dataset's files, or PNGs; an empty file for one without labels"),
+        ("split", f"none: train and val of data.yaml are both {_LIST}"),
+        ("frame", "the image: x right, y down; the top left pixel's centre is 0, 0"),
+        ("centre", "centre of the 2D box"),
+        ("order", "x y width height"),
+        ("yaw", "none: boxes stand upright in the image"),
+        ("units", "shares of the image's width and height, 0 to 1"),
+        ("class", f"{_CLASS} = {options.category} for every object: the labels have no class"),
+        ("ignore", side if options.ignore == "keep" else "dropped"),
+        ("left out", f"{unseen} labels that no image shows"),
+    )
+    files = 2 * counts.images + counts.ignore_files + 2
+    return Card("yolo", out, files, counts.positive, counts.ignored, conventions)
