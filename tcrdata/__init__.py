@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     import duckdb
     import polars
 
+    from tcrdata.learning.stream import FrameStream
     from tcrdata.store import Store
 
 __version__ = "0.1.0"
@@ -29,6 +30,21 @@ def open(store: str) -> Handle:
     return Handle(open_store(store))
 
 
+def torch_dataset(store: str, query: str, **options: Any) -> FrameStream:
+    """Return the frames of a training query as a torch IterableDataset.
+
+    `DataLoader(tcrdata.torch_dataset(STORE, "detector"), batch_size=None, num_workers=2)`
+
+    Args:
+        store: folder or URL of the store.
+        query: name of a file of `queries/training/`, a path, or SQL.
+        **options: see `tcrdata.learning.stream.torch_dataset`.
+    """
+    from tcrdata.learning.stream import torch_dataset as stream
+
+    return stream(store, query, **options)
+
+
 class Handle:
     """A store as it was when first asked; open it again to see what landed since."""
 
@@ -37,10 +53,11 @@ class Handle:
 
     @cached_property
     def connection(self) -> duckdb.DuckDBPyConnection:
-        """A DuckDB connection with a view a table, `checks` among them."""
+        """A DuckDB connection with a view a table, `checks` and `verdicts` among them."""
+        from tcrdata.rules.checks import add_rule_views
+
         connection = self._store.connect()
-        if selections := self._store.read("selections").to_pylist():
-            self._add_checks(connection, selections)
+        add_rule_views(self._store, connection, self._store.read("selections").to_pylist())
         return connection
 
     def sql(self, query: str, **parameters: Any) -> duckdb.DuckDBPyRelation:
@@ -59,7 +76,7 @@ class Handle:
             raise QueryError(" ".join(str(error).split())) from error
 
     def table(self, name: str) -> polars.LazyFrame:
-        """A table as a polars LazyFrame over its files; `checks` is worked out.
+        """A table as a polars LazyFrame over its files; `checks` and `verdicts` are worked out.
 
         Raises:
             SchemaError: there is no such table.
@@ -70,20 +87,3 @@ class Handle:
             frame: polars.DataFrame = self.sql(f"from {name}").pl()
             return frame.lazy()
         return self._store.scan(name)
-
-    def _add_checks(
-        self, connection: duckdb.DuckDBPyConnection, selections: list[dict[str, Any]]
-    ) -> None:
-        """Each selection is judged over the files it was made from, not over newer ones."""
-        from tcrdata.rules import checks_view_sql
-
-        parts = []
-        for number, snapshot in enumerate(sorted({row["snapshot"] for row in selections})):
-            rows = [row for row in selections if row["snapshot"] == snapshot]
-            schema = f"snapshot_{number}"
-            self._store.add_snapshot(
-                connection, snapshot, schema, {"checks": checks_view_sql(rows)}
-            )
-            parts.append(f"select * from {schema}.checks")
-        connection.execute("drop table checks")
-        connection.execute("create view checks as " + " union all ".join(parts))

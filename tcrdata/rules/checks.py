@@ -1,14 +1,58 @@
-"""The view `checks`: what each rule of each selection says of each proposal."""
+"""The views `checks` and `verdicts`: what the rules of each selection say of each proposal."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.judging import scoped
+from tcrdata.rules.verdicts import verdicts_select
+
+if TYPE_CHECKING:
+    import duckdb
+
+    from tcrdata.store import Store
 
 _ALL = "of_round_"  # before a table's name: its rows of the selection's round
+
+
+def add_rule_views(
+    store: Store,
+    connection: duckdb.DuckDBPyConnection,
+    selections: Sequence[Mapping[str, Any]],
+    sequences: Iterable[tuple[str, str]] | None = None,
+) -> None:
+    """Replace the empty tables `checks` and `verdicts` of a connection by views.
+
+    Each selection is judged over the files that it was made from, not over newer ones.
+
+    Args:
+        store: the connection's.
+        connection: of `Store.connect`; gets a schema a snapshot.
+        selections: rows of `selections`; nothing is done without one.
+        sequences: (dataset, sequence) of the only ones whose proposals are judged: a view over
+            few files answers sooner. None for all.
+
+    Raises:
+        StoreError: a selection's snapshot is gone, or one of its files is damaged.
+        QueryError: a rule's text does not bind.
+    """
+    branches: dict[str, list[str]] = {"checks": [], "verdicts": []}
+    asked = None if sequences is None else frozenset(sequences)
+    for number, snapshot in enumerate(sorted({row["snapshot"] for row in selections})):
+        rows = [row for row in selections if row["snapshot"] == snapshot]
+        views = {"checks": checks_view_sql(rows), "verdicts": verdicts_view_sql(rows)}
+        schema = f"snapshot_{number}"
+        store.add_snapshot(
+            connection, snapshot, schema, views, tables=EVIDENCE_TABLES, sequences=asked
+        )
+        for view, selects in branches.items():
+            selects.append(f"select * from {schema}.{view}")
+    for view, selects in branches.items():
+        if selects:
+            connection.execute(f"drop table if exists {view}")
+            connection.execute(f"create view {view} as " + " union all ".join(selects))
 
 
 def checks_view_sql(selections: Sequence[Mapping[str, Any]]) -> str:
@@ -26,6 +70,11 @@ def checks_view_sql(selections: Sequence[Mapping[str, Any]]) -> str:
         for selection in selections
         for rule, text in zip(selection["rules"], selection["rule_texts"], strict=True)
     )
+
+
+def verdicts_view_sql(selections: Sequence[Mapping[str, Any]]) -> str:
+    """SQL of the view `verdicts`, one branch a selection; see `checks_view_sql`."""
+    return "\nunion all\n".join(verdicts_select(selection) for selection in selections)
 
 
 def _branch(selection: Mapping[str, Any], rule: str, text: str) -> str:

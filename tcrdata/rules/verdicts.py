@@ -1,0 +1,113 @@
+"""The select behind the view `verdicts`: all rules of a selection in one pass over the proposals.
+
+A rule that goes row by row hands the whole row on in the place of its id, so rules stand inside one
+another and nothing is joined. A rule that joins what belongs to a frame is asked once a frame. Any
+other rule is joined by the proposal's id.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from tcrdata.rules.binding import EVIDENCE_TABLES, RULE_COLUMNS, Binder, Reads
+from tcrdata.rules.judging import scoped
+from tcrdata.rules.sql_files import SqlFile
+
+_KEYS = ("proposal_id", "dataset", "sequence", "frame", "source")
+_OF_A_FRAME = ("dataset", "sequence", "frame", "round", "source", "fit", "found", "metric_scale")
+_VERDICT = ("value", "bound", "passed")
+_HANDS_ON = re.compile(r"select\s+((?:\w+\.)?)proposal_id\s*,", re.IGNORECASE)
+_MARGIN = (
+    "case when isfinite({bound}) then if({passed}, 1, if({passed} is null, null, -1)) "
+    "* abs({value} - {bound}) / if({bound} = 0, 1, abs({bound})) end"
+)
+
+
+def verdicts_select(selection: Mapping[str, Any]) -> str:
+    """SQL of a selection's rows of `verdicts`; it names evidence tables without a schema.
+
+    Args:
+        selection: a row of `selections`.
+
+    Raises:
+        RuleError: a rule's text does not bind on this version's tables.
+    """
+    rules, texts = selection["rules"], selection["rule_texts"]
+    reads = _reads(rules, texts)
+    number = int(selection["round"])
+    relations = {
+        table: f"(select * from {table} where round = {number})" for table in EVIDENCE_TABLES
+    }
+    wanted = {*_KEYS, *(column for read in reads for column in read.columns)}
+    rows = f"(select {', '.join(sorted(wanted))} from proposals where round = {number})"
+    for place, (text, read) in enumerate(zip(texts, reads, strict=True)):
+        rows = _judged(rows, place, text, read, relations)
+    return f"select {_columns(selection)}\nfrom {rows}"
+
+
+def _reads(rules: Sequence[str], texts: Sequence[str]) -> list[Reads]:
+    """What each rule reads, from its text."""
+    with Binder() as binder:
+        return [
+            binder.bind(SqlFile(Path(rule), "", {}, (), text, 1), {}, RULE_COLUMNS, alone=True)
+            for rule, text in zip(rules, texts, strict=True)
+        ]
+
+
+def _judged(rows: str, place: int, text: str, read: Reads, relations: Mapping[str, str]) -> str:
+    """The rows with a rule's value, bound and verdict behind them."""
+    renamed = ", ".join(f"{name} as {name}_{place}" for name in _VERDICT)
+    if read.passes_id and read.row_by_row and _HANDS_ON.match(text):
+        whole = _HANDS_ON.sub(lambda found: f"select {found[1]}*,", text, count=1)
+        verdicts = scoped(whole, read.tables, {**relations, "proposals": rows})
+        return f"(select * exclude ({', '.join(_VERDICT)}), {renamed}\nfrom ({verdicts}))"
+    proposals, same = relations["proposals"], "v.proposal_id = r.proposal_id"
+    frame = [name for name in read.columns if name != "proposal_id"]
+    if read.passes_id and set(frame) <= set(_OF_A_FRAME):
+        # Judged once for all proposals of a frame that are alike in what the rule reads.
+        alike = ", ".join(f"{name!r}: {name}" for name in frame)
+        proposals = (
+            f"(select proposal_id, proposal_id.* "
+            f"from (select distinct {{{alike}}} as proposal_id from {proposals}))"
+        )
+        same = " and ".join(f"v.proposal_id.{name} = r.{name}" for name in frame)
+    verdicts = scoped(text, read.tables, {**relations, "proposals": proposals})
+    return f"(select r.*, {renamed}\nfrom {rows} r join ({verdicts}) v on {same})"
+
+
+def _columns(selection: Mapping[str, Any]) -> str:
+    """The columns of `verdicts`, from the rows that went through all rules."""
+    places = range(len(selection["rules"]))
+    names = {n: [f"{n}_{place}" for place in places] for n in _VERDICT}
+    margins = [_MARGIN.format(**{n: names[n][place] for n in _VERDICT}) for place in places]
+    blocks = [
+        f"passed_{place} is not true" if required else f"passed_{place} is false"
+        for place, required in enumerate(selection["required"])
+    ]
+    columns = {
+        "selection_id": _text(selection["selection_id"]),
+        "selection": _text(selection["name"]),
+        **{name: name for name in _KEYS},
+        "rules": f"[{', '.join(_text(rule) for rule in selection['rules'])}]",
+        "value": f"[{', '.join(names['value'])}]",
+        "bound": f"[{', '.join(names['bound'])}]",
+        "margin": f"[{', '.join(margins)}]",
+        "passed": f"[{', '.join(names['passed'])}]",
+        "failed": _mask(f"passed_{place} is false" for place in places),
+        "abstained": _mask(f"passed_{place} is null" for place in places),
+        "blocked": _mask(blocks),
+    }
+    return ",\n".join(f"{value} as {name}" for name, value in columns.items())
+
+
+def _mask(conditions: Iterable[str]) -> str:
+    """A bit a condition, the first one lowest."""
+    bits = [f"if({condition}, {1 << place}, 0)" for place, condition in enumerate(conditions)]
+    return f"({' | '.join(bits)})::bigint"
+
+
+def _text(value: str) -> str:
+    return "'" + value.replace("'", "''") + "'"
