@@ -66,10 +66,17 @@ class FrameImages:
         Raises:
             FrameError: the frame has no image, or it is gone since the build.
         """
-        target = folder / self.name(row)
+        self.put(row, folder / self.name(row))
+
+    def put(self, row: int, target: Path) -> None:
+        """Put the image at a path: a link to a file of the same kind, else a PNG.
+
+        Raises:
+            FrameError: the frame has no image, or it is gone since the build.
+        """
         target.unlink(missing_ok=True)
         path = self._file(row)
-        if path is None:
+        if path is None or self._suffix(row) != target.suffix:
             target.write_bytes(self._made(row))
             return
         try:

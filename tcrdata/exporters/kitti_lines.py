@@ -9,8 +9,7 @@ from tcrdata.exporters.cameras import camera_boxes, camera_poses, image_boxes, o
 from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.types import FloatArray
 
-CATEGORIES = ("Car", "Van", "Truck", "Pedestrian", "Person", "Cyclist", "Tram", "Misc")
-"""KITTI's types; the tracking set's `Person` is the detection set's `Person_sitting`."""
+_CATEGORIES = ("Car", "Van", "Truck", "Pedestrian", "Cyclist", "Tram", "Misc")
 
 DONT_CARE = "DontCare -1 -1 -10"
 """Type, truncated, occluded and alpha of a region that counts neither way."""
@@ -24,11 +23,19 @@ NO_IMAGE_BOX = -1.0
 _LEVEL = 0.9999
 
 
-def check_category(category: str) -> None:
-    """Refuse a type that readers of KITTI do not know: TcrdataError."""
-    if category not in CATEGORIES:
-        known = ", ".join(CATEGORIES)
-        raise TcrdataError(f"KITTI has no type '{category}': choose one of {known}")
+def check_category(category: str, seated: str) -> None:
+    """Refuse a type that readers of KITTI do not know.
+
+    Args:
+        category: the type.
+        seated: what the format calls a person who sits: tracking and detection differ.
+
+    Raises:
+        TcrdataError: it is none; says which there are.
+    """
+    known = (*_CATEGORIES, seated)
+    if category not in known:
+        raise TcrdataError(f"KITTI has no type '{category}': choose one of {', '.join(known)}")
 
 
 def object_numbers(part: SequenceLabels) -> FloatArray:

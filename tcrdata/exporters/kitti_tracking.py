@@ -30,6 +30,7 @@ from tcrdata.exporters.labels import (
 from tcrdata.store import Store
 
 _NO_TRACK = -1
+_SEATED = "Person"
 
 
 def export(
@@ -51,7 +52,7 @@ def export(
         MissingEvidenceError: there is no such selection, or it has no positive labels.
     """
     options = options or ExportOptions()
-    check_category(options.category)
+    check_category(options.category, _SEATED)
     owners: dict[str, str] = {}
     ignored, tilted = 0, False
     with chosen_labels(store, selection_id, options) as chosen:

@@ -134,6 +134,7 @@ class ChosenLabels:
         ignored: undecided labels chosen.
         frames: frames, those without labels too.
         images: frames with an image.
+        names: of the sequences, sorted.
     """
 
     def __init__(
@@ -147,6 +148,7 @@ class ChosenLabels:
         self.frames, self.total, self.ignored, self.images = (
             sum(int(size[column]) for size in self._sizes) for column in (2, 3, 4, 5)
         )
+        self.names = sorted({size[1] for size in self._sizes})
 
     def sequences(self, beside: str | None = None) -> Iterator[SequenceLabels]:
         """Yield every sequence that the selection saw, sorted; also those without labels.

@@ -1,0 +1,116 @@
+"""KITTI object detection: `training/{label_2,calib,image_2,velodyne}` and `ImageSets/`.
+
+A label has 15 fields: type, truncated, occluded, alpha, left, top, right, bottom, height, width,
+length, x, y, z, rotation_y. Source: the readme of KITTI's object development kit; a score would be
+a 16th field, which results have and labels have not.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from tcrdata.exporters.kitti_lines import (
+    DONT_CARE,
+    NO_BOX,
+    NO_IMAGE_BOX,
+    check_category,
+    conventions,
+    is_tilted,
+    object_numbers,
+)
+from tcrdata.exporters.kitti_tree import (
+    FILES,
+    TRAINING,
+    TREE_LINES,
+    make_folders,
+    place_images,
+    place_points,
+    write_calibrations,
+)
+from tcrdata.exporters.labels import (
+    Card,
+    ExportOptions,
+    SequenceLabels,
+    chosen_labels,
+    columns,
+    open_folder,
+)
+from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames
+from tcrdata.store import Store
+
+_SEATED = "Person_sitting"
+_FILES = tuple(f"{TRAINING}/{name}" for name in (*FILES, "label_2/{}.txt"))
+
+
+def export(
+    store: Store, selection_id: str, out: str | Path, options: ExportOptions | None = None
+) -> Card:
+    """Write a selection's labels as KITTI's training set, with calibration, images and points.
+
+    Args:
+        store: holds the selection.
+        selection_id: of the labels.
+        out: folder that gets `training/`, `ImageSets/` and `frames.csv`.
+        options: which labels, and how.
+
+    Raises:
+        TcrdataError: the folder is not empty, or the category is none of KITTI's.
+        QueryError: the condition of `where` is none.
+        MissingEvidenceError: there is no such selection, or it has no positive labels.
+        FrameError: an image or sweep of the dataset is gone.
+    """
+    options = options or ExportOptions()
+    check_category(options.category, _SEATED)
+    ignored, tilted = 0, False
+    with chosen_labels(store, selection_id, options) as chosen:
+        folder = open_folder(out, options.overwrite)
+        training = make_folders(folder, ("label_2", "calib", "image_2", "velodyne"))
+        with numbered_frames(folder, chosen, options, _FILES) as numbered:
+            for part in chosen.sequences():
+                names, _ = numbered.add(part)
+                ignored += _write_labels(training, part, names, options.category)
+                write_calibrations(training, part, names)
+                if not options.labels_only:
+                    place_images(training, part, names)
+                    place_points(training, part, names)
+                tilted |= is_tilted(part)
+    own = (
+        ("file", "training/label_2/<number>.txt, 15 fields a line: no score, as KITTI's labels"),
+        *conventions(options.category, tilted),
+        ("truncated", "0 to 1, the share of the 2D box outside the image; occluded 0 to 3"),
+        ("ignore", "DontCare with a 2D box alone; those no image shows are left out"),
+        *TREE_LINES,
+        *SPLIT_LINES,
+    )
+    return Card("kitti", str(out), numbered.count, chosen.total, ignored, own)
+
+
+def _write_labels(training: Path, part: SequenceLabels, names: list[str], category: str) -> int:
+    """Write the file of every frame, empty ones too; returns the ignore regions written."""
+    lines = _lines(part, category)
+    for row, labels in part.by_frame():
+        text = "".join(lines[labels])
+        (training / "label_2" / f"{names[row]}.txt").write_text(text, encoding="ascii")
+    return sum(bool(line) for line in lines) - int(part.positive.sum())
+
+
+def _lines(part: SequenceLabels, category: str) -> list[str]:
+    """Return a line a label; an empty one for an ignore region that no image shows."""
+    numbers = object_numbers(part)
+    unseen = np.isnan(numbers[:, 1]).tolist()
+    rows = np.nan_to_num(numbers, nan=NO_IMAGE_BOX).tolist()
+    truncated = np.nan_to_num(columns(part.labels, ("truncated_share",))[:, 0]).tolist()
+    occluded = part.labels["occlusion"].to_pylist()
+    lines = []
+    for row, positive in enumerate(part.positive.tolist()):
+        if positive:
+            first = f"{category} {truncated[row]:.2f} {occluded[row]} "
+            lines.append(first + " ".join([f"{value:.6f}" for value in rows[row]]) + "\n")
+        elif unseen[row]:
+            lines.append("")
+        else:
+            box = " ".join([f"{value:.6f}" for value in rows[row][1:5]])
+            lines.append(f"{DONT_CARE} {box} {NO_BOX}\n")
+    return lines
