@@ -21,6 +21,7 @@ from tcrdata.cli import (
     view,
     views,
     warm,
+    why,
 )
 from tcrdata.cli.app import app
 from tcrdata.errors import TcrdataError
@@ -38,6 +39,7 @@ for _command in (
     view.view,
     views.views,
     warm.warm,
+    why.why,
 ):
     app.command(_command)
 

@@ -1,27 +1,8 @@
-"""Given and expected: runs rules on the rows of their case files and says where they differ.
-
-A folder of rules has `rules/<rule>.sql` and `cases/<rule>.toml`, as `queries/` has; where it has no
-folder `rules`, both lie in the folder itself. A case file is a list of cases:
-
-    [[case]]
-    name = "at the bound, beyond"
-    set = { max_range_m = 30 }                                  # may be left out
-    tolerance = 0.01                                            # may be left out
-    given.proposals = [{ range_m = 30.0 }, { range_m = 31.0 }]  # the columns that matter
-    given.egomotions = [{ frame = 0, method = "odometry" }]     # any other table of evidence
-    expected = [                                                # a verdict a proposal, in order
-      { value = 30.0, bound = 30.0, passed = true },
-      { value = 31.0, bound = 30.0, passed = false },
-    ]
-
-What is left out of a verdict is expected to be NULL: without `passed` the rule must abstain.
-"""
+"""Runs rules on the given rows of their cases and says where they differ from what is expected."""
 
 from __future__ import annotations
 
 import math
-import tomllib
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -29,6 +10,7 @@ from typing import Any
 import duckdb
 
 from tcrdata.errors import RuleError, SettingsError
+from tcrdata.inspection.case_files import VERDICT, Case, read_cases, wrong
 from tcrdata.resources import resource_folder
 from tcrdata.rules import Rule, load_rules
 from tcrdata.rules.binding import EVIDENCE_TABLES
@@ -36,7 +18,6 @@ from tcrdata.rules.sql_files import to_literal
 from tcrdata.store import schemas
 from tcrdata.store.views import quote
 
-VERDICT = ("value", "bound", "passed")
 KEYS: dict[str, Any] = {"dataset": "d", "sequence": "s", "round": 1}
 """Columns that every given row has, unless the case says otherwise."""
 
@@ -60,28 +41,7 @@ PROPOSAL: dict[str, Any] = {
 }
 """What a given proposal is, unless the case says otherwise: a car ten metres ahead."""
 
-_NEARLY = 1e-12  # relative: numbers of a case that sets no tolerance differ by rounding alone
-
-
-@dataclass(frozen=True)
-class Case:
-    """One case of a rule.
-
-    Attributes:
-        path: its file.
-        name: what it shows.
-        given: table to rows.
-        expected: a verdict for each given proposal, in their order.
-        overrides: values of parameters other than the rule's own.
-        tolerance: largest difference of numbers, in their own unit; 0 allows rounding alone.
-    """
-
-    path: Path
-    name: str
-    given: Mapping[str, list[dict[str, Any]]]
-    expected: list[dict[str, Any]]
-    overrides: Mapping[str, Any]
-    tolerance: float
+_NEARLY = 1e-12  # relative: rounding
 
 
 @dataclass(frozen=True)
@@ -124,10 +84,11 @@ class CaseResults:
 
 
 def run_cases(folder: str | None = None) -> CaseResults:
-    """Run all cases of a folder's rules; see the module for the layout.
+    """Run all cases of a folder's rules.
 
     Args:
-        folder: holds rules of one's own; those that ship with tcrdata without one.
+        folder: of one's own: `rules/<rule>.sql` and `cases/<rule>.toml`, as `queries/` has, or both
+            in the folder itself; the rules that ship with tcrdata without one.
 
     Raises:
         SettingsError: the folder is not there or holds no rule.
@@ -172,22 +133,6 @@ def rule_folders(folder: str | None) -> tuple[Path, Path]:
     return rules, cases
 
 
-def read_cases(path: Path) -> list[Case]:
-    """Read a case file.
-
-    Raises:
-        RuleError: it cannot be read, is no TOML, or a case lacks something; names both.
-    """
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise RuleError(f"{path}: cannot be read as TOML ({error}): correct it") from error
-    cases = content.get("case")
-    if not isinstance(cases, list) or not cases or set(content) != {"case"}:
-        raise RuleError(f"{path}: holds no list of cases: start each with a line [[case]]")
-    return [_case(path, number, case) for number, case in enumerate(cases, start=1)]
-
-
 def run_case(
     rule: Rule, case: Case, connection: duckdb.DuckDBPyConnection | None = None
 ) -> list[Difference]:
@@ -211,7 +156,7 @@ def run_case(
     try:
         rows = connection.execute(rule.select(_literals(rule, case))).fetchall()
     except duckdb.Error as error:
-        raise _wrong(case, f"rule {rule.name} fails on the rows: {error}") from error
+        raise wrong(case, f"rule {rule.name} fails on the rows: {error}") from error
     found = {proposal_id: verdict for proposal_id, *verdict in rows}
     if len(rows) != len(ids) or set(found) != set(ids):
         return [Difference(rule.name, case.name, len(ids), "rows", len(ids), len(rows))]
@@ -233,7 +178,7 @@ def fill_tables(connection: duckdb.DuckDBPyConnection, case: Case) -> list[str]:
     for table, rows in case.given.items():
         if table not in EVIDENCE_TABLES:
             known = ", ".join(EVIDENCE_TABLES)
-            raise _wrong(case, f"given.{table} is no table that rules may read: {known}")
+            raise wrong(case, f"given.{table} is no table that rules may read: {known}")
         for number, row in enumerate(rows):
             whole = {**KEYS, **row}
             if table == "proposals":
@@ -246,37 +191,8 @@ def fill_tables(connection: duckdb.DuckDBPyConnection, case: Case) -> list[str]:
                     f"insert into {table} ({names}) values ({marks})", list(whole.values())
                 )
             except duckdb.Error as error:
-                raise _wrong(case, f"given.{table}, row {number + 1}: {error}") from error
+                raise wrong(case, f"given.{table}, row {number + 1}: {error}") from error
     return ids
-
-
-def _case(path: Path, number: int, content: Any) -> Case:
-    """One case of a file, checked."""
-    content = content if isinstance(content, dict) else {}
-    name = str(content.get("name", f"number {number}"))
-    given, expected = content.get("given"), content.get("expected")
-    case = Case(
-        path, name, given if isinstance(given, dict) else {},
-        expected if isinstance(expected, list) else [],
-        content.get("set", {}), content.get("tolerance", 0.0),
-    )  # fmt: skip
-    if strangers := set(content) - {"name", "set", "tolerance", "given", "expected"}:
-        raise _wrong(case, f"'{min(strangers)}' is none of name, set, tolerance, given, expected")
-    proposals = case.given.get("proposals", [])
-    if not proposals or len(case.expected) != len(proposals):
-        raise _wrong(
-            case,
-            f"has {len(proposals)} given.proposals and {len(case.expected)} expected: "
-            "give at least one, and a verdict for each",
-        )
-    if any(not isinstance(rows, list) for rows in case.given.values()):
-        raise _wrong(case, "given.<table> is a list of rows: [{ column = value }, ...]")
-    for verdict in case.expected:
-        if not isinstance(verdict, dict) or set(verdict) - set(VERDICT):
-            raise _wrong(case, f"expected {verdict}: a verdict has value, bound and passed")
-    if not isinstance(case.tolerance, int | float) or not case.tolerance >= 0:
-        raise _wrong(case, f"tolerance {case.tolerance}: give a number, 0 or more")
-    return case
 
 
 def _literals(rule: Rule, case: Case) -> dict[str, str]:
@@ -286,11 +202,11 @@ def _literals(rule: Rule, case: Case) -> dict[str, str]:
     for name, value in case.overrides.items():
         if name not in kinds:
             known = ", ".join(kinds) or "none"
-            raise _wrong(case, f"set.{name} is no parameter of rule {rule.name}: it has {known}")
+            raise wrong(case, f"set.{name} is no parameter of rule {rule.name}: it has {known}")
         try:
             literals[name] = to_literal(value, kinds[name])
         except ValueError as error:
-            raise _wrong(case, f"set.{name} {error}, not {value!r}") from error
+            raise wrong(case, f"set.{name} {error}, not {value!r}") from error
     return literals
 
 
@@ -300,8 +216,3 @@ def _same(found: Any, wanted: Any, tolerance: float) -> bool:
     if not numbers:
         return found is wanted
     return bool(found == wanted or math.isclose(found, wanted, rel_tol=_NEARLY, abs_tol=tolerance))
-
-
-def _wrong(case: Case, message: str) -> RuleError:
-    """An error that names file and case, in one line."""
-    return RuleError(f"{case.path}: case '{case.name}': {' '.join(message.split())}")

@@ -123,6 +123,8 @@ def test_a_rule_without_cases_is_named(tmp_path: Path) -> None:
         (HOLDS.replace("range_m = 5.6", 'range_m = "far"'), "given.proposals, row 2: .*far"),
         (HOLDS.replace("passed = true", "pased = true"), "pased.*: a verdict has value, bound"),
         (HOLDS + "given.ground_truth = [{}]\n", "given.ground_truth is no table that rules may"),
+        (HOLDS + "given.egomotions = [3]\n", "is a list of rows"),
+        (HOLDS + "set = 3\n", "set is a table of parameters"),
         (HOLDS + "given.frames = 3\n", "given.<table> is a list of rows"),
     ],
 )

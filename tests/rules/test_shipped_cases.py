@@ -7,7 +7,8 @@ from typing import Any
 import duckdb
 import pytest
 
-from tcrdata.inspection.rule_cases import Case, read_cases, run_case
+from tcrdata.inspection.case_files import Case, read_cases
+from tcrdata.inspection.rule_cases import run_case
 from tcrdata.resources import resource_files
 from tcrdata.rules import load_preset, load_rules, preset_names
 from tcrdata.rules.rule_files import Rule

@@ -1,0 +1,177 @@
+"""Finds the proposal that is asked about: by its id, or by where it is."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+
+from tcrdata.errors import MissingEvidenceError, SettingsError
+from tcrdata.inspection.drives import drive_connection, judge
+from tcrdata.reports import run_report
+from tcrdata.store import Store
+
+_NEAR = 3
+
+
+@dataclass(frozen=True)
+class Found:
+    """A proposal and the connection to its drive.
+
+    Attributes:
+        proposal_id: its id.
+        dataset: its dataset.
+        sequence: its drive.
+        connection: of `drive_connection`.
+        nearest: rows of `why_nearest`, the one taken first; empty when the id was given.
+    """
+
+    proposal_id: str
+    dataset: str
+    sequence: str
+    connection: duckdb.DuckDBPyConnection
+    nearest: tuple[dict[str, Any], ...] = ()
+
+
+def find_by_id(store: Store, selection: Mapping[str, Any], proposal_id: str) -> Found:
+    """Find a proposal by its id, `dataset/sequence/frame/source/number/fit`.
+
+    Args:
+        store: to look in.
+        selection: row of `selections`: the proposals that it judged.
+        proposal_id: the id.
+
+    Raises:
+        MissingEvidenceError: the selection judged no such proposal; names near ones.
+    """
+    dataset, _, rest = proposal_id.partition("/")
+    sequence, slash, _ = rest.partition("/")
+    if not slash:
+        raise MissingEvidenceError(
+            f"'{proposal_id}' is no proposal's id, which begins with dataset/sequence/: "
+            + _how_to_list(store)
+        )
+    if (dataset, sequence) not in _drives(store, selection):
+        raise _no_drive(store, selection, f"{dataset}/{sequence}")
+    connection = drive_connection(store, selection, dataset, sequence)
+    near = connection.execute(
+        "select proposal_id from proposals order by levenshtein(proposal_id, $1), 1 limit $2"
+        if not _is_there(connection, proposal_id)
+        else "select $1 limit $2",
+        [proposal_id, _NEAR],
+    ).fetchall()
+    if (proposal_id,) not in near:
+        names = ", ".join(name for (name,) in near) or "none"
+        raise MissingEvidenceError(
+            f"{store.url}: selection '{selection['name']}' judged no proposal '{proposal_id}'; "
+            f"near: {names}; {_how_to_list(store)}"
+        )
+    return Found(proposal_id, dataset, sequence, connection)
+
+
+def find_by_place(
+    store: Store, selection: Mapping[str, Any], sequence: str | None, frame: int, at: str
+) -> Found:
+    """Find the proposal of a frame that is nearest to a place on the ground.
+
+    Proposals that the selection's rule `source` judges go first: people mean what could have become
+    a label. See `queries/reports/why_nearest.sql`.
+
+    Args:
+        store: to look in.
+        selection: row of `selections`: the proposals that it judged.
+        sequence: drive, or dataset/drive; may be None when there is one only.
+        frame: number of the frame.
+        at: x and z in metres, level frame, with a comma between.
+
+    Raises:
+        SettingsError: `at` is no place, or several drives are meant.
+        MissingEvidenceError: no such drive, or the frame has no proposal.
+    """
+    x, z = parse_place(at)
+    place = _drive_named(store, selection, sequence)
+    connection = drive_connection(store, selection, *place)
+    judge(connection, store, [selection], place, frame)
+    parameters = {
+        "selection_id": selection["selection_id"],
+        "asked_frame": frame,
+        "asked_x_m": x,
+        "asked_z_m": z,
+    }
+    rows = run_report(connection, "why_nearest", parameters).to_arrow_table().to_pylist()
+    if not rows:
+        first, last = connection.execute("select min(frame), max(frame) from proposals").fetchall()[
+            0
+        ]
+        raise MissingEvidenceError(
+            f"{store.url}: frame {frame} of {'/'.join(place)} has no proposal; "
+            f"there are some in frames {first} to {last}"
+        )
+    return Found(rows[0]["proposal_id"], *place, connection, tuple(rows))
+
+
+def parse_place(text: str) -> tuple[float, float]:
+    """Return x and z of a text such as `3.5,12`.
+
+    Raises:
+        SettingsError: it is none.
+    """
+    parts = text.split(",")
+    try:
+        x, z = (float(part) for part in parts)
+    except ValueError:
+        x = z = float("nan")
+    if not (abs(x) < float("inf") and abs(z) < float("inf")):
+        raise SettingsError(
+            f"--at '{text}' is no place: write X,Z in metres, x to the right and z ahead, such as "
+            "--at 3.5,12 or --at=-2,8.5"
+        )
+    return x, z
+
+
+def _is_there(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> bool:
+    rows = connection.execute(
+        "select 1 from proposals where proposal_id = $1 limit 1", [proposal_id]
+    )
+    return bool(rows.fetchall())
+
+
+def _drives(store: Store, selection: Mapping[str, Any]) -> set[tuple[str, str]]:
+    """Dataset and sequence of every drive whose proposals the selection may have judged."""
+    files = store.snapshot(selection["snapshot"]).files
+    return {(f.unit.dataset, f.unit.sequence) for f in files if f.table == "proposals"}
+
+
+def _drive_named(store: Store, selection: Mapping[str, Any], name: str | None) -> tuple[str, str]:
+    """The drive that is meant."""
+    drives = sorted(_drives(store, selection))
+    meant = [d for d in drives if name in (None, d[1], "/".join(d))]
+    if not meant:
+        raise _no_drive(store, selection, str(name))
+    if len(meant) > 1:
+        few = ", ".join("/".join(drive) for drive in meant[:_NEAR])
+        raise SettingsError(
+            f"{len(meant)} drives have a frame of that number: name one with --sequence, "
+            f"such as {few}"
+        )
+    return meant[0]
+
+
+def _no_drive(store: Store, selection: Mapping[str, Any], name: str) -> MissingEvidenceError:
+    """An error that names the drives nearest to a name."""
+    drives = ["/".join(drive) for drive in sorted(_drives(store, selection))]
+    near = difflib.get_close_matches(name, drives, n=_NEAR, cutoff=0.3) or drives[:_NEAR]
+    return MissingEvidenceError(
+        f"{store.url}: selection '{selection['name']}' judged no drive '{name}'; "
+        f"near: {', '.join(near) or 'none'}"
+    )
+
+
+def _how_to_list(store: Store) -> str:
+    return (
+        f'list them with `tcrdata sql "select proposal_id from proposals where frame = 0" '
+        f"--store {store.url}`, or point: `--frame F --at X,Z`"
+    )
