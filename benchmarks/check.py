@@ -55,7 +55,7 @@ from (
 )
 """
 _CONFIDENCES = """
-select proposal_id, frame, module, random() as confidence, random() as raw_value, 'share' as unit
+select proposal_id, frame, source, module, random() as confidence, random() as raw_value, 'share' as unit
 from proposals, (select unnest(['motion_3d', 'motion_2d', 'track', 'shape']) as module)
 where source = $source
 """

@@ -6,6 +6,7 @@ create table confidences (
     sequence varchar not null,      -- drive or clip
     frame integer not null,         -- number of the frame
     round integer not null,         -- EM round
+    source varchar,                 -- proposals.source, copied: a check skips the files of other sources
     module varchar not null,        -- free_space, motion_3d, motion_2d ...
     confidence double,              -- in [0, 1]; NULL = no evidence
     raw_value double,               -- the number it was made from

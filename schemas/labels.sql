@@ -8,6 +8,7 @@ create table labels (
     frame integer not null,          -- number of the frame
     round integer not null,          -- EM round
     state varchar not null,          -- positive or ignore
+    ignored_because varchar,         -- ignore: loosened, or the preset that accepts it; NULL for positives
     score double not null,           -- in [0, 1], larger is surer
     source varchar not null,         -- proposals.source
     track_id varchar,                -- proposals.track_id

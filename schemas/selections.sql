@@ -11,6 +11,8 @@ create table selections (
     required boolean[] not null,        -- whether abstaining fails the proposal, a rule each
     preset_text varchar not null,       -- the preset's select with its parameters filled in
     parameters map(varchar, varchar) not null,  -- every parameter used, as SQL literals
+    alternatives varchar,               -- JSON: what else was judged; what only these accept is ignore
     proposals_judged bigint not null,   -- proposals the rules saw
-    labels bigint not null              -- labels that came out
+    labels bigint not null,             -- positive labels that came out
+    ignored bigint                      -- labels left undecided
 );

@@ -15,6 +15,7 @@ SCHEMAS = resource_files("schemas/*.sql")
 RULES = resource_files("queries/rules/*.sql")
 PRESETS = resource_files("queries/presets/*.sql")
 REPORTS = resource_files("queries/reports/*.sql")
+STATES = resource_files("queries/states/*.sql")
 SETTER = re.compile(r"^set variable (\w+) = .*?;\s*(?:--\s*(.*))?$", re.MULTILINE)
 
 
@@ -35,6 +36,8 @@ def tables() -> Iterator[duckdb.DuckDBPyConnection]:
     with duckdb.connect() as connection:
         for path in SCHEMAS:
             connection.execute(path.read_text())
+        for accepted in ("accepted", "acceptable"):
+            connection.execute(f"create table {accepted} as select *, 0 as place from labels")
         yield connection
 
 
@@ -46,12 +49,12 @@ def shell(tables: duckdb.DuckDBPyConnection) -> Iterator[duckdb.DuckDBPyConnecti
 
 
 def test_no_file_of_sql_lies_elsewhere(repository: Path) -> None:
-    known = {*SCHEMAS, *RULES, *PRESETS, *REPORTS}
+    known = {*SCHEMAS, *RULES, *PRESETS, *REPORTS, *STATES}
     found = {path for name in ("schemas", "queries") for path in (repository / name).rglob("*.sql")}
     assert found == known
 
 
-@pytest.mark.parametrize("path", [*SCHEMAS, *RULES, *PRESETS, *REPORTS], ids=named)
+@pytest.mark.parametrize("path", [*SCHEMAS, *RULES, *PRESETS, *REPORTS, *STATES], ids=named)
 def test_a_file_opens_with_what_it_decides_or_holds(path: Path) -> None:
     first = path.read_text().splitlines()[0]
     assert first.startswith("-- ")
@@ -72,7 +75,7 @@ def test_a_preset_sets_what_a_rule_explains_or_explains_it(path: Path) -> None:
     ] == []
 
 
-@pytest.mark.parametrize("path", [*RULES, *PRESETS, *REPORTS], ids=named)
+@pytest.mark.parametrize("path", [*RULES, *PRESETS, *REPORTS, *STATES], ids=named)
 def test_a_file_runs_as_it_is_over_empty_tables(
     shell: duckdb.DuckDBPyConnection, path: Path
 ) -> None:

@@ -42,6 +42,7 @@ def selection_json(selection: Selection) -> dict[str, Any]:
         "preset": selection.preset,
         "proposals_judged": selection.proposals_judged,
         "labels": selection.labels,
+        "ignored": selection.ignored,
     }
 
 
@@ -80,5 +81,5 @@ def print_selection(selection: Selection) -> None:
     """Print a selection as one line."""
     sys.stdout.write(
         f"selection {selection.selection_id[:12]} '{selection.name}': {selection.labels:,} labels "
-        f"from {selection.proposals_judged:,} proposals\n"
+        f"and {selection.ignored:,} left undecided, from {selection.proposals_judged:,} proposals\n"
     )

@@ -133,14 +133,15 @@ def confidence_columns(proposals: Columns, metric_scale: float, confidence: Conf
         {
             "proposal_id": name,
             "frame": frame,
+            "source": source,
             "module": module,
             "confidence": None if value is None else confidence_of(value, half),
             "raw_value": value,
             "unit": unit,
         }
         for module, column, half, unit in modules
-        for name, frame, value in zip(
-            proposals["proposal_id"], proposals["frame"], proposals[column], strict=True
+        for name, frame, source, value in zip(
+            *(proposals[key] for key in ("proposal_id", "frame", "source", column)), strict=True
         )
     ]
     return _columns(parts)

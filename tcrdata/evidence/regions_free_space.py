@@ -142,6 +142,7 @@ def _confidences(proposals: Columns) -> Columns:
     return {
         "proposal_id": proposals["proposal_id"],
         "frame": proposals["frame"],
+        "source": proposals["source"],
         "module": ["free_space"] * count,
         "confidence": [free / (free + static) for free, static in pairs],
         "raw_value": [free for free, _ in pairs],

@@ -164,6 +164,7 @@ def _confidences(rows: Columns) -> Columns:
     return {
         "proposal_id": rows["proposal_id"],
         "frame": rows["frame"],
+        "source": rows["source"],
         "module": ["shape"] * count,
         "confidence": rows["edge_share"],
         "raw_value": rows["edge_share"],

@@ -4,22 +4,15 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, field, replace
 
-from tcrdata.errors import RuleError, SettingsError
-from tcrdata.resources import resource_files, resource_folder
-from tcrdata.rules.binding import PRESET_COLUMNS, Binder, Reads
-from tcrdata.rules.rule_files import (
-    Rule,
-    check_described,
-    check_unique,
-    load_rules,
-    names_in,
-)
-from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, read_sql_file, to_literal, uses
+from tcrdata.errors import SettingsError
+from tcrdata.rules.binding import Reads
+from tcrdata.rules.rule_files import Rule
+from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, to_literal
 
-FIELDS = ("rules", "required", "cues")
+LOOSENED = "loosened"
+"""Name of the alternative that is the preset itself with looser bounds."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +43,7 @@ class FilledPreset:
         parameters: every parameter used, to its literal, sorted by name.
         cues: stages whose rows it reads.
         reads: tables and columns of the select.
+        alternatives: what only these accept is left undecided.
     """
 
     name: str
@@ -58,6 +52,7 @@ class FilledPreset:
     parameters: dict[str, str]
     cues: tuple[str, ...]
     reads: Reads
+    alternatives: tuple[FilledPreset, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -73,6 +68,8 @@ class Preset:
         parameters: of its rules and its own, with the preset's values, sorted by name.
         file: the parsed file.
         reads: tables and columns of its select.
+        loosened: values of parameters with which a proposal that fails is left undecided.
+        others: presets whose labels are left undecided where this one has none.
     """
 
     name: str
@@ -83,6 +80,8 @@ class Preset:
     parameters: dict[str, Parameter]
     file: SqlFile
     reads: Reads
+    loosened: Mapping[str, str] = field(default_factory=dict)
+    others: tuple[Preset, ...] = ()
 
     def fill(self, overrides: Mapping[str, object] | None = None) -> FilledPreset:
         """Settle every parameter and fill it in.
@@ -93,6 +92,13 @@ class Preset:
         Raises:
             SettingsError: an unknown name, or a value of the wrong type.
         """
+        alternatives = [replace(other.fill(), alternatives=()) for other in self.others]
+        if self.loosened:
+            loosened = self._filled({**(overrides or {}), **self.loosened})
+            alternatives.insert(0, replace(loosened, name=LOOSENED))
+        return replace(self._filled(overrides), alternatives=tuple(alternatives))
+
+    def _filled(self, overrides: Mapping[str, object] | None) -> FilledPreset:
         literals = {name: p.literal for name, p in self.parameters.items()}
         literals |= {k: self._override(k, v) for k, v in (overrides or {}).items()}
         rules = tuple(
@@ -116,105 +122,3 @@ class Preset:
             return to_literal(value, parameter.kind)
         except ValueError as error:
             raise SettingsError(f"parameter {name} {error}, not {value!r}") from error
-
-
-def preset_names() -> list[str]:
-    """Names of the presets that ship with tcrdata."""
-    return [path.stem for path in resource_files("queries/presets/*.sql")]
-
-
-def load_preset(name: str) -> Preset:
-    """Read a preset, its rules included.
-
-    Args:
-        name: of one that ships with tcrdata, or the path of a `.sql` file of one's own; rules of
-            one's own stand in a folder `rules` beside it.
-
-    Raises:
-        SettingsError: there is no such preset.
-        RuleError: with file and line.
-    """
-    own = name.endswith(".sql")
-    path = Path(name) if own else resource_folder("queries") / "presets" / f"{name}.sql"
-    if not path.is_file():
-        raise SettingsError(
-            f"no preset '{name}'; there are {', '.join(preset_names())}, "
-            "or give the path of a .sql file"
-        )
-    with Binder() as binder:
-        file = read_sql_file(path, FIELDS, binder.connection)
-        if own:
-            rules = load_rules(path.parent / "rules", binder)
-        else:
-            # What ships fits together (a test sees to it), so that the others need not be read.
-            rules = load_rules(None, binder, names_in(file.fields["rules"]))
-        chosen = _chosen(file, rules)
-        parameters = _parameters(file, rules, chosen)
-        literals = {name: parameter.literal for name, parameter in parameters.items()}
-        reads = binder.bind(file, literals, PRESET_COLUMNS, alone=False)
-    required = frozenset(names_in(file.fields["required"]))
-    cues = names_in(file.fields["cues"])
-    _check_header(path, chosen, required, cues)
-    return Preset(file.name, file.decides, chosen, required, cues, parameters, file, reads)
-
-
-def _check_header(
-    path: Path, chosen: tuple[Rule, ...], required: frozenset[str], cues: tuple[str, ...]
-) -> None:
-    """What the header lists fits together."""
-    strangers = sorted(required - {rule.name for rule in chosen})
-    if strangers:
-        raise RuleError(f"{path}:1: required names {strangers[0]}, which `-- rules:` does not list")
-    for rule in chosen:
-        if rule.cues and not set(rule.cues) & set(cues):
-            raise RuleError(
-                f"{path}:1: rule {rule.name} reads what {' or '.join(rule.cues)} measures; "
-                "name one in `-- cues:`"
-            )
-
-
-def _chosen(file: SqlFile, rules: Mapping[str, Rule]) -> tuple[Rule, ...]:
-    """The rules that a preset lists."""
-    names = names_in(file.fields["rules"])
-    for name in names:
-        if name not in rules:
-            raise SettingsError(f"{file.path}:1: no rule '{name}'; there are {', '.join(rules)}")
-        if names.count(name) > 1:
-            raise RuleError(f"{file.path}:1: rule {name} is listed twice")
-    if not names:
-        raise RuleError(f"{file.path}:1: lists no rule")
-    return tuple(rules[name] for name in names)
-
-
-def _parameters(
-    file: SqlFile, rules: Mapping[str, Rule], chosen: tuple[Rule, ...]
-) -> dict[str, Parameter]:
-    """Parameters of the chosen rules, with the preset's values, and the preset's own."""
-    of_rules = {p.name: p for rule in rules.values() for p in rule.parameters}
-    settled = {p.name: p for rule in chosen for p in rule.parameters}
-    used = {name for name, _ in uses(file.select)}
-    for parameter in file.parameters:
-        where = f"{file.path}:{parameter.line}: {parameter.name}"
-        original = of_rules.get(parameter.name)
-        if original is None and parameter.name not in used:
-            raise RuleError(f"{where} is set but neither its select nor a rule uses it")
-        if original is not None and parameter.name not in settled:
-            raise RuleError(f"{where} belongs to a rule that this preset does not list")
-        if original is not None and original.kind != parameter.kind:
-            raise RuleError(f"{where} must be a {original.kind}, as in {original.path.name}")
-        if original is None:
-            check_described(parameter)
-        settled[parameter.name] = parameter
-    return dict(sorted(settled.items()))
-
-
-def check_presets(names: list[str]) -> list[Preset]:
-    """Load presets together: no two may set a parameter of their own by the same name.
-
-    Raises:
-        RuleError: two do.
-    """
-    presets = [load_preset(name) for name in names]
-    of_rules = {p.name for preset in presets for rule in preset.rules for p in rule.parameters}
-    check_unique(p for preset in presets for p in preset.file.parameters if p.name not in of_rules)
-    return presets

@@ -6,15 +6,18 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import duckdb
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.judging import judge
-from tcrdata.rules.presets import FilledPreset, Preset, load_preset
+from tcrdata.rules.preset_files import load_preset
+from tcrdata.rules.presets import FilledPreset, Preset
 from tcrdata.store import FileEntry, Snapshot, Store, Unit
 from tcrdata.store.failures import current_failures, is_failure
 from tcrdata.store.filesystem import Filesystem
@@ -40,7 +43,8 @@ class Selection:
         round: EM round.
         snapshot: the frozen list of files it read.
         proposals_judged: proposals that the first rule saw.
-        labels: labels that came out.
+        labels: positive labels that came out.
+        ignored: labels left undecided.
         made: False when the same selection was there already.
     """
 
@@ -51,6 +55,7 @@ class Selection:
     snapshot: str
     proposals_judged: int
     labels: int
+    ignored: int
     made: bool
 
 
@@ -83,7 +88,7 @@ def select(
     """
     loaded = load_preset(preset) if isinstance(preset, str) else preset
     filled = loaded.fill(overrides)
-    lacking = _lacking(store, filled, round)
+    lacking, filled = _lacking(store, filled, round)
     unfinished = [(*key, stages) for key, stages in lacking.items() if stages]
     if unfinished and not leave_out_unfinished:
         raise _missing(store, filled, *unfinished[0])
@@ -108,14 +113,17 @@ def select(
     (row,) = store.read("selections", dataset=ANY_DATASET, sequence=unit.sequence).to_pylist()
     return Selection(
         unit.sequence, name, row["preset"], round, row["snapshot"], row["proposals_judged"],
-        row["labels"], made,
+        row["labels"], row["ignored"], made,
     )  # fmt: skip
 
 
-def _lacking(store: Store, preset: FilledPreset, round: int) -> dict[tuple[str, str], list[str]]:
+def _lacking(
+    store: Store, preset: FilledPreset, round: int
+) -> tuple[dict[tuple[str, str], list[str]], FilledPreset]:
     """Each dataset and sequence with the stages that the preset reads and it lacks.
 
-    A sequence of which a stage failed lacks none: more does not come of it.
+    A sequence of which a stage failed lacks none: more does not come of it. The preset comes back
+    with those alternatives alone whose stages every sequence has.
     """
     records = store.records()
     stages: dict[tuple[str, str], set[str]] = defaultdict(set)
@@ -129,10 +137,15 @@ def _lacking(store: Store, preset: FilledPreset, round: int) -> dict[tuple[str, 
             f"--root ROOT --store {store.url} --preset {preset.name}`"
         )
     failed = {(u.dataset, u.sequence) for u in current_failures(records) if u.stage != TRUTH_STAGE}
-    return {
+    whole = [there for key, there in stages.items() if key not in failed]
+    alternatives = tuple(
+        other for other in preset.alternatives if all(set(other.cues) <= there for there in whole)
+    )
+    lacking = {
         key: [] if key in failed else [cue for cue in preset.cues if cue not in there]
         for key, there in sorted(stages.items())
     }
+    return lacking, replace(preset, alternatives=alternatives)
 
 
 def _missing(
@@ -155,13 +168,22 @@ def _root(store: Store, dataset: str, sequence: str) -> str:
 def _identity(preset: FilledPreset, files: Sequence[FileEntry], round: int) -> str:
     """Hash of all that the labels follow from."""
     content = {
-        "rules": [[rule.name, rule.select, rule.required] for rule in preset.rules],
-        "preset": preset.select,
-        "parameters": preset.parameters,
+        **_written(preset),
+        "alternatives": [_written(other) for other in preset.alternatives],
         "round": round,
         "evidence": _digest_of(files),
     }
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _written(preset: FilledPreset) -> dict[str, Any]:
+    """What a preset decides by."""
+    return {
+        "name": preset.name,
+        "rules": [[rule.name, rule.select, rule.required] for rule in preset.rules],
+        "preset": preset.select,
+        "parameters": preset.parameters,
+    }
 
 
 def _digest_of(files: Sequence[FileEntry]) -> str:
@@ -179,7 +201,7 @@ def _rows(
     name: str,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Labels batch by batch, then the selection's own row."""
-    judged = labels = 0
+    judged = positive = undecided = 0
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:
         for batch in _batches(files):
@@ -188,9 +210,11 @@ def _rows(
             relations = {table: f"{_BATCH}.{table}" for table in EVIDENCE_TABLES}
             judgement = judge(connection, preset, relations)
             judged += judgement.judged
-            labels += judgement.labels.num_rows
-            columns = {c: judgement.labels[c] for c in judgement.labels.column_names}
-            yield "labels", {"selection_id": [unit.sequence] * len(judgement.labels), **columns}
+            labels = judgement.labels
+            positive += pc.sum(pc.equal(labels["state"], "positive")).as_py() or 0
+            undecided += pc.sum(pc.equal(labels["state"], "ignore")).as_py() or 0
+            columns = {name: labels[name] for name in labels.column_names}
+            yield "labels", {"selection_id": pa.repeat(unit.sequence, len(labels)), **columns}
     yield "labels", {}
     yield (
         "selections",
@@ -206,7 +230,9 @@ def _rows(
             "preset_text": [preset.select],
             "parameters": [list(preset.parameters.items())],
             "proposals_judged": [judged],
-            "labels": [labels],
+            "alternatives": [json.dumps([_written(p) for p in preset.alternatives])],
+            "labels": [positive],
+            "ignored": [undecided],
         },
     )
 

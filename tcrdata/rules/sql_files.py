@@ -70,7 +70,10 @@ class SqlFile:
 
 
 def read_sql_file(
-    path: Path, field_names: tuple[str, ...], connection: duckdb.DuckDBPyConnection
+    path: Path,
+    field_names: tuple[str, ...],
+    connection: duckdb.DuckDBPyConnection,
+    may_have: tuple[str, ...] = (),
 ) -> SqlFile:
     """Read and split a file; nothing is bound yet.
 
@@ -78,6 +81,7 @@ def read_sql_file(
         path: file.
         field_names: fields that the header must have.
         connection: runs the `set variable` lines.
+        may_have: fields that it may have besides.
 
     Raises:
         RuleError: with file and line.
@@ -86,7 +90,7 @@ def read_sql_file(
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise RuleError(f"{path}: cannot be read ({error}); give a readable UTF-8 file") from error
-    decides, fields = _header(text, field_names)
+    decides, fields = _header(text, (*field_names, *may_have))
     missing = [name for name in field_names if name not in fields]
     if missing or not decides:
         wanted = f"a line '-- {missing[0]}: ...'" if missing else "a sentence on what it decides"

@@ -1,8 +1,7 @@
 """The select behind the view `verdicts`: all rules of a selection in one pass over the proposals.
 
-A rule that goes row by row hands the whole row on in the place of its id, so rules stand inside one
-another and nothing is joined. A rule that joins what belongs to a frame is asked once a frame. Any
-other rule is joined by the proposal's id.
+A rule that only hands the id on is made to hand on the whole row, so rules stand inside one another
+and nothing is joined but what a rule joins itself. Any other rule is joined by the id.
 """
 
 from __future__ import annotations
@@ -17,9 +16,8 @@ from tcrdata.rules.judging import scoped
 from tcrdata.rules.sql_files import SqlFile
 
 _KEYS = ("proposal_id", "dataset", "sequence", "frame", "source")
-_OF_A_FRAME = ("dataset", "sequence", "frame", "round", "source", "fit", "found", "metric_scale")
 _VERDICT = ("value", "bound", "passed")
-_HANDS_ON = re.compile(r"select\s+((?:\w+\.)?)proposal_id\s*,", re.IGNORECASE)
+_HANDS_ON = re.compile(r"select\s+(\w+)\.proposal_id\s*,", re.IGNORECASE)
 _MARGIN = (
     "case when isfinite({bound}) then if({passed}, 1, if({passed} is null, null, -1)) "
     "* abs({value} - {bound}) / if({bound} = 0, 1, abs({bound})) end"
@@ -60,22 +58,12 @@ def _reads(rules: Sequence[str], texts: Sequence[str]) -> list[Reads]:
 def _judged(rows: str, place: int, text: str, read: Reads, relations: Mapping[str, str]) -> str:
     """The rows with a rule's value, bound and verdict behind them."""
     renamed = ", ".join(f"{name} as {name}_{place}" for name in _VERDICT)
-    if read.passes_id and read.row_by_row and _HANDS_ON.match(text):
-        whole = _HANDS_ON.sub(lambda found: f"select {found[1]}*,", text, count=1)
+    if read.passes_id and _HANDS_ON.match(text):
+        whole = _HANDS_ON.sub(r"select \1.*,", text, count=1)
         verdicts = scoped(whole, read.tables, {**relations, "proposals": rows})
         return f"(select * exclude ({', '.join(_VERDICT)}), {renamed}\nfrom ({verdicts}))"
-    proposals, same = relations["proposals"], "v.proposal_id = r.proposal_id"
-    frame = [name for name in read.columns if name != "proposal_id"]
-    if read.passes_id and set(frame) <= set(_OF_A_FRAME):
-        # Judged once for all proposals of a frame that are alike in what the rule reads.
-        alike = ", ".join(f"{name!r}: {name}" for name in frame)
-        proposals = (
-            f"(select proposal_id, proposal_id.* "
-            f"from (select distinct {{{alike}}} as proposal_id from {proposals}))"
-        )
-        same = " and ".join(f"v.proposal_id.{name} = r.{name}" for name in frame)
-    verdicts = scoped(text, read.tables, {**relations, "proposals": proposals})
-    return f"(select r.*, {renamed}\nfrom {rows} r join ({verdicts}) v on {same})"
+    verdicts = scoped(text, read.tables, relations)
+    return f"(select r.*, {renamed}\nfrom {rows} r join ({verdicts}) v using (proposal_id))"
 
 
 def _columns(selection: Mapping[str, Any]) -> str:

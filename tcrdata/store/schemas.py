@@ -10,7 +10,7 @@ import pyarrow as pa
 from tcrdata.errors import SchemaError
 from tcrdata.resources import resource_files
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
 """Version of all tables together; a store made with another one is refused."""
 
 _WEIGHT = "-- weight:"

@@ -10,7 +10,7 @@ import pytest
 from tcrdata.errors import RuleError, SettingsError
 from tcrdata.resources import resource_files
 from tcrdata.rules import load_preset, load_rules, preset_names
-from tcrdata.rules.presets import check_presets
+from tcrdata.rules.preset_files import check_presets
 
 HEAD = "-- Mine.\n-- rules: source, range\n-- required: source\n-- cues: tracks\n"
 SELECT = "select p.proposal_id, 'positive' as state, 1.0::double as score from proposals p\n"
@@ -95,6 +95,11 @@ def test_unknown_preset_lists_those_there_are() -> None:
         (HEAD + SELECT.replace("1.0::double", "1"), RuleError, "column score is INTEGER"),
         (HEAD + SELECT.replace("from prop", "from labels, prop"), RuleError, "my.sql:5: "),
         (HEAD + "drop table proposals", RuleError, "only reads"),
+        (HEAD + "-- ignore: my\n" + SELECT, RuleError, "names the preset itself"),
+        (HEAD + "-- ignore: papr\n" + SELECT, RuleError, "names papr, which is no preset"),
+        (HEAD + "-- loosened: min_range_m\n" + SELECT, RuleError, "needs name = value"),
+        (HEAD + "-- loosened: min_rnge_m = 3\n" + SELECT, RuleError, "near: min_range_m"),
+        (HEAD + "-- loosened: min_range_m = x\n" + SELECT, RuleError, "must be a number"),
     ],
 )
 def test_a_wrong_preset_is_refused(

@@ -28,9 +28,10 @@ PRESET = (
 )
 
 
-def ids(store: Store, selection_id: str) -> list[str]:
+def ids(store: Store, selection_id: str, state: str = "positive") -> list[str]:
     rows = store.read("labels").to_pylist()
-    return [row["proposal_id"] for row in rows if row["selection_id"] == selection_id]
+    kept = [row for row in rows if (row["selection_id"], row["state"]) == (selection_id, state)]
+    return [row["proposal_id"] for row in kept]
 
 
 def own(write_sql: Write, *, passed: str = "true", **preset: str) -> str:
@@ -101,9 +102,51 @@ def test_judging_survivors_equals_the_definition(
     assert sorted(ids(store, made.selection_id)) == [row[0] for row in expected]
     carried = with_checks.sql(
         "select count(*) from labels l join checks c using (selection_id, proposal_id) "
-        "where c.passed is distinct from nullif(list_contains(l.carried_by, c.rule), false)"
+        "where l.state = 'positive' and c.passed is distinct from nullif(list_contains(l.carried_by, c.rule), false)"
     ).fetchall()
     assert carried == [(0,)]
+
+
+def test_what_looser_bounds_accept_is_left_undecided(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The alternatives are judged in one pass; each says what it would say alone."""
+    monkeypatch.setattr(selections, "BATCH_ROWS", 100)
+    for sequence, seed in (("a", 1), ("b", 2), ("c", 3)):
+        rows = [{**row, "x_m": 9.0 * n} for n, row in enumerate(random_tracks(80, seed))]
+        put_tracks(store, sequence, rows)
+    made = select(store, "tcrdata")
+    looser = select(store, "tcrdata", load_preset("tcrdata").loosened, name="looser")
+    accepted = ids(store, made.selection_id)
+    undecided = ids(store, made.selection_id, "ignore")
+    assert 5 < len(undecided) == made.ignored
+    assert sorted([*accepted, *undecided]) == sorted(ids(store, looser.selection_id))
+    because = store.read("labels", columns=["selection_id", "state", "ignored_because"])
+    assert set(map(tuple, (row.values() for row in because.to_pylist()))) == {
+        (made.selection_id, "positive", None),
+        (made.selection_id, "ignore", "loosened"),
+        (looser.selection_id, "positive", None),
+    }
+
+
+def test_what_another_preset_accepts_is_left_undecided_but_not_under_a_label(store: Store) -> None:
+    parked = {
+        "source": "static",
+        "fit": "l_shape",
+        "edge_share": 0.8,
+        "width_m": 1.8,
+        "age_frames": 9,
+        "track_core_share": 0.0,
+    }
+    put_tracks(store, "a", [GOOD_TRACK, {**parked, "x_m": 1.0}, {**parked, "z_m": 20.0}])
+    alone = select(store, "tcrdata")
+    assert ids(store, alone.selection_id, "ignore") == []  # nobody measured what stands still
+    put(store, "static_clusters", "a", {})
+    made = select(store, "tcrdata")
+    assert ids(store, made.selection_id) == ["d/a/000000"]
+    (row,) = [row for row in store.read("labels").to_pylist() if row["state"] == "ignore"]
+    assert (row["proposal_id"], row["ignored_because"]) == ("d/a/000002", "tcrdata_static")
+    assert "static_length" in row["carried_by"]
 
 
 def test_rows_are_sorted_and_the_same_however_they_are_batched(monkeypatch: Any) -> None:

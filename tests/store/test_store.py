@@ -295,5 +295,5 @@ def test_opening_what_is_no_store_says_so(tmp_path):
 
 def test_another_schema_version_is_refused_with_both_versions(disk):
     (Path(disk.url) / "store.json").write_text('{"schema_version": 99}')
-    with pytest.raises(SchemaError, match="has schema version 99, this tcrdata reads 1: build"):
+    with pytest.raises(SchemaError, match="has schema version 99, this tcrdata reads 2: build"):
         open_store(disk.url)

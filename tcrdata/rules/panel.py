@@ -1,0 +1,70 @@
+"""The rules of several presets side by side: one text is judged once, whoever lists it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tcrdata.rules.presets import FilledPreset, FilledRule
+
+
+@dataclass(frozen=True)
+class Seat:
+    """A rule and the presets that listen to it; presets are bits of a mask.
+
+    Attributes:
+        number: bit of the rule among the verdicts that a proposal carries.
+        rule: judged once.
+        listening: presets that list the rule.
+        strict: presets that an abstaining rule fails a proposal for.
+    """
+
+    number: int
+    rule: FilledRule
+    listening: int
+    strict: int
+
+    @property
+    def streams(self) -> bool:
+        """Whether a proposal's row goes in and comes out, so that there is nothing to check."""
+        return self.rule.reads.passes_id and self.rule.reads.row_by_row
+
+    def alive_after(self, alive: str) -> str:
+        """SQL of the presets that still take a proposal after this rule's `passed`."""
+        gone = f"case when passed then 0 when passed is null then {self.strict} "
+        return f"{alive} & ~({gone}else {self.listening} end)::bigint"
+
+
+def seats(presets: Sequence[FilledPreset]) -> list[Seat]:
+    """Each rule text of some presets once, earliest place first.
+
+    Args:
+        presets: bit k of the masks stands for the k-th.
+    """
+    found: dict[str, list[tuple[int, FilledRule]]] = {}
+    places: dict[str, int] = {}
+    for bit, preset in enumerate(presets):
+        for place, rule in enumerate(preset.rules):
+            found.setdefault(rule.select, []).append((bit, rule))
+            places[rule.select] = min(place, places.get(rule.select, place))
+    ordered = sorted(found, key=lambda text: places[text])
+    return [
+        Seat(
+            number,
+            found[text][0][1],
+            sum(1 << bit for bit, _ in found[text]),
+            sum(1 << bit for bit, rule in found[text] if rule.required),
+        )
+        for number, text in enumerate(ordered)
+    ]
+
+
+def runs(panel: Sequence[Seat]) -> list[list[Seat]]:
+    """Rules in order; neighbours that go row by row are run in one statement."""
+    found: list[list[Seat]] = []
+    for seat in panel:
+        if found and seat.streams and found[-1][-1].streams:
+            found[-1].append(seat)
+        else:
+            found.append([seat])
+    return found
