@@ -2,17 +2,16 @@
 set variable selection_id = null::varchar;       -- which selection; NULL = every one in the store
 set variable shown_proposals = null::varchar[];  -- ids: which proposals; NULL = all
 
-with rules as (
-    select selection_id, unnest(rules) as rule, unnest(required) as required,
-           generate_subscripts(rules, 1) as place
-    from selections
-    where getvariable('selection_id') is null or selection_id = getvariable('selection_id')
+with asked as (
+    select * exclude (failed, abstained),
+           unnest(range(1, len(rules) + 1)) as place
+    from verdicts
+    where (getvariable('selection_id') is null or selection_id = getvariable('selection_id'))
+      and (getvariable('shown_proposals') is null
+           or list_contains(getvariable('shown_proposals'), proposal_id))
 )
-select c.selection_id, c.proposal_id, r.place, c.rule, c.value, c.bound, c.passed,
-       passed is false or (passed is null and required) as fails
-from checks c
-join rules r using (selection_id, rule)
-where (getvariable('selection_id') is null or selection_id = getvariable('selection_id'))
-  and (getvariable('shown_proposals') is null
-       or list_contains(getvariable('shown_proposals'), c.proposal_id))
-order by c.selection_id, c.proposal_id, r.place
+select selection_id, proposal_id, place, rules[place] as rule, value[place] as value,
+       bound[place] as bound, passed[place] as passed,
+       (blocked >> (place - 1)::integer) & 1 = 1 as fails
+from asked
+order by selection_id, proposal_id, place

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -133,11 +133,15 @@ def evaluate(store: Store, selection_id: str, settings: Settings | None = None) 
     return scored(tally_selection(store, selection_id, settings), settings)
 
 
-def tally_selection(store: Store, selection_id: str, settings: Settings) -> Tallied:
-    """Match a selection's labels in every frame; raises as `evaluate` does."""
+def tally_selection(
+    store: Store, selection_id: str, settings: Settings, sequences: Collection[str] | None = None
+) -> Tallied:
+    """Match a selection's labels in every frame, or in some sequences; raises as `evaluate`."""
     connection = _connect(store, selection_id)
     try:
         labelled, without_truth = scored_sequences(connection)
+        if sequences is not None:
+            labelled = [entry for entry in labelled if entry.sequence in sequences]
         _check(labelled, settings)
         parameters = {**dict(settings.parameters), "selection_id": selection_id}
         tallies: dict[Key, Tally] = defaultdict(lambda: Tally(len(settings.ious)))

@@ -1,0 +1,1 @@
+"""Assembles the HTML report of a selection from queries, rules, scores and pictures."""
