@@ -6,7 +6,7 @@ import numpy as np
 
 from tcrdata.exporters.labels import SequenceLabels, columns, matrices
 from tcrdata.geometry.boxes import box_corners_bev
-from tcrdata.types import FloatArray
+from tcrdata.types import BoolArray, FloatArray
 
 _NEAREST_M = 0.01
 _BOX_2D = ("left_px", "top_px", "right_px", "bottom_px")
@@ -66,6 +66,17 @@ def image_boxes(part: SequenceLabels) -> FloatArray:
         size = columns(part.frames, ("width_px", "height_px"))
         image[missing] = projected_boxes(part.boxes[missing], projection[rows], size[rows])
     return image
+
+
+def has_camera(part: SequenceLabels) -> BoolArray:
+    """Return (N,) which labels are in a frame with a camera."""
+    missing = np.asarray(part.frames["projection"].is_null())
+    return np.asarray(~missing[part.frame_rows])
+
+
+def shown(part: SequenceLabels) -> BoolArray:
+    """Return (N,) which labels have a box in an image."""
+    return np.asarray(~np.isnan(image_boxes(part)[:, 0]))
 
 
 def box_corners(boxes: FloatArray) -> FloatArray:

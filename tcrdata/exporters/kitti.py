@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tcrdata.exporters.cameras import has_camera, shown
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
     NO_BOX,
@@ -63,54 +64,55 @@ def export(
     """
     options = options or ExportOptions()
     check_category(options.category, _SEATED)
-    ignored, tilted = 0, False
+    labels = ignored = 0
+    tilted = False
     with chosen_labels(store, selection_id, options) as chosen:
         folder = open_folder(out, options.overwrite)
         training = make_folders(folder, ("label_2", "calib", "image_2", "velodyne"))
         with numbered_frames(folder, chosen, options, _FILES) as numbered:
-            for part in chosen.sequences():
+            for found in chosen.sequences():
+                part = found.only(shown(found) | (found.positive & ~has_camera(found)))
                 names, _ = numbered.add(part)
-                ignored += _write_labels(training, part, names, options.category)
+                _write_labels(training, part, names, options.category)
                 write_calibrations(training, part, names)
                 if not options.labels_only:
                     place_images(training, part, names)
                     place_points(training, part, names)
+                labels += int(part.positive.sum())
+                ignored += int((~part.positive).sum())
                 tilted |= is_tilted(part)
+    unseen = chosen.total + chosen.ignored - labels - ignored
     own = (
         ("file", "training/label_2/<number>.txt, 15 fields a line: no score, as KITTI's labels"),
         *conventions(options.category, tilted),
         ("truncated", "0 to 1, the share of the 2D box outside the image; occluded 0 to 3"),
-        ("ignore", "DontCare with a 2D box alone; those no image shows are left out"),
+        ("ignore", "DontCare: a 2D box alone"),
+        ("left out", f"{unseen} labels that their image does not show: KITTI labels what it does"),
         *TREE_LINES,
         *SPLIT_LINES,
     )
-    return Card("kitti", str(out), numbered.count, chosen.total, ignored, own)
+    return Card("kitti", str(out), numbered.count, labels, ignored, own)
 
 
-def _write_labels(training: Path, part: SequenceLabels, names: list[str], category: str) -> int:
-    """Write the file of every frame, empty ones too; returns the ignore regions written."""
+def _write_labels(training: Path, part: SequenceLabels, names: list[str], category: str) -> None:
+    """Write the file of every frame, empty ones too."""
     lines = _lines(part, category)
     for row, labels in part.by_frame():
         text = "".join(lines[labels])
         (training / "label_2" / f"{names[row]}.txt").write_text(text, encoding="ascii")
-    return sum(bool(line) for line in lines) - int(part.positive.sum())
 
 
 def _lines(part: SequenceLabels, category: str) -> list[str]:
-    """Return a line a label; an empty one for an ignore region that no image shows."""
-    numbers = object_numbers(part)
-    unseen = np.isnan(numbers[:, 1]).tolist()
-    rows = np.nan_to_num(numbers, nan=NO_IMAGE_BOX).tolist()
+    numbers = np.nan_to_num(object_numbers(part), nan=NO_IMAGE_BOX).tolist()
     truncated = np.nan_to_num(columns(part.labels, ("truncated_share",))[:, 0]).tolist()
     occluded = part.labels["occlusion"].to_pylist()
+    positive = part.positive.tolist()
     lines = []
-    for row, positive in enumerate(part.positive.tolist()):
-        if positive:
+    for row, values in enumerate(numbers):
+        texts = [f"{value:.6f}" for value in values]
+        if positive[row]:
             first = f"{category} {truncated[row]:.2f} {occluded[row]} "
-            lines.append(first + " ".join([f"{value:.6f}" for value in rows[row]]) + "\n")
-        elif unseen[row]:
-            lines.append("")
+            lines.append(first + " ".join(texts) + "\n")
         else:
-            box = " ".join([f"{value:.6f}" for value in rows[row][1:5]])
-            lines.append(f"{DONT_CARE} {box} {NO_BOX}\n")
+            lines.append(f"{DONT_CARE} {' '.join(texts[1:5])} {NO_BOX}\n")
     return lines

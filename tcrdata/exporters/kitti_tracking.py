@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tcrdata.errors import TcrdataError
+from tcrdata.exporters.cameras import shown
+from tcrdata.exporters.frame_images import check_name
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
     NO_BOX,
@@ -58,8 +59,9 @@ def export(
     with chosen_labels(store, selection_id, options) as chosen:
         folder = open_folder(out, options.overwrite) / "label_02"
         folder.mkdir(exist_ok=True)
-        for part in chosen.sequences():
-            _check_name(owners, part)
+        for found in chosen.sequences():
+            check_name(owners, found)
+            part = found.only(found.positive | shown(found))
             lines = _lines(part, options.category)
             (folder / f"{part.sequence}.txt").write_text("".join(lines), encoding="ascii")
             ignored += len(lines) - int(part.positive.sum())
@@ -75,24 +77,11 @@ def export(
     return Card("kitti-tracking", str(out), len(owners), chosen.total, ignored, own)
 
 
-def _check_name(owners: dict[str, str], part: SequenceLabels) -> None:
-    """Refuse a second dataset's sequence of one name: its file would replace the first's."""
-    if part.sequence in owners:
-        raise TcrdataError(
-            f"{owners[part.sequence]} and {part.dataset} both have a sequence '{part.sequence}': "
-            f"export one dataset at a time: add --dataset {part.dataset}"
-        )
-    owners[part.sequence] = part.dataset
-
-
 def _lines(part: SequenceLabels, category: str) -> list[str]:
-    numbers = object_numbers(part)
-    kept = part.positive | ~np.isnan(numbers[:, 1])
-    numbers = np.nan_to_num(numbers, nan=NO_IMAGE_BOX)
-    numbers = np.column_stack([numbers, part.labels["score"].to_numpy()])[kept]
+    numbers = np.nan_to_num(object_numbers(part), nan=NO_IMAGE_BOX)
+    numbers = np.column_stack([numbers, part.labels["score"].to_numpy()])
     names = ("frame", "track_number", "truncation", "occlusion")
-    rows = part.labels.filter(kept)
-    whole = zip(*(rows[name].to_pylist() for name in names), strict=True)
+    whole = zip(*(part.labels[name].to_pylist() for name in names), strict=True)
     return [
         _line(frame, track, f"{category} {truncated} {occluded}", row)
         for (frame, track, truncated, occluded), row in zip(whole, numbers.tolist(), strict=True)

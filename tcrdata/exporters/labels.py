@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby, pairwise
 from pathlib import Path
 from typing import Any, Literal
@@ -116,6 +116,12 @@ class SequenceLabels:
         """(N,) which labels are positive; the others are ignore regions."""
         states = self.labels["state"].to_numpy()
         return np.asarray(states == "positive", dtype=np.bool_)
+
+    def only(self, kept: BoolArray) -> SequenceLabels:
+        """Return the same frames with some of the labels, given as (N,) booleans."""
+        return replace(
+            self, labels=self.labels.filter(pa.array(kept)), frame_rows=self.frame_rows[kept]
+        )
 
     def by_frame(self) -> Iterator[tuple[int, slice]]:
         """Yield each row of `frames` with the slice of its labels, an empty one for none."""
