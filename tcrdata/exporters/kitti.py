@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tcrdata.errors import MissingEvidenceError
 from tcrdata.exporters.cameras import has_camera, shown
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
@@ -81,6 +82,11 @@ def export(
                 labels += int(part.positive.sum())
                 ignored += int((~part.positive).sum())
                 tilted |= is_tilted(part)
+    if not labels:
+        raise MissingEvidenceError(
+            f"no image shows one of the {chosen.total} labels: export openpcdet, or see them with "
+            "`tcrdata view`"
+        )
     unseen = chosen.total + chosen.ignored - labels - ignored
     own = (
         ("file", "training/label_2/<number>.txt, 15 fields a line: no score, as KITTI's labels"),
