@@ -5,7 +5,7 @@ set variable proposal_id = null::varchar;   -- which proposal; NULL = all
 
 select p.proposal_id, p.dataset, p.sequence, p.frame, p.round, p.source, p.fit, p.found, p.region_id,
        p.track_id, p.metric_scale, p.x_m, p.y_m, p.z_m, p.length_m, p.width_m, p.height_m, p.yaw_rad,
-       p.left_px, p.top_px, p.right_px, p.bottom_px, p.range_m, p.number_of_points,
+       p.left_px, p.top_px, p.right_px, p.bottom_px, p.range_m, p.number_of_points, p.point_indices,
        l.selection_id, l.state, l.ignored_because, l.score, l.carried_by
 from proposals p
 left join labels l

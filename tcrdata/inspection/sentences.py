@@ -51,10 +51,11 @@ def sentence(
     needs = need(rule, value, bound, verdict)
     if bound is None:
         return f"{title} {verdict}, needs: {needs}"
+    joined = "; " if math.isinf(bound) else ", needs "
     unit = unit_of(rule)
     measured = "not measured" if value is None else f"{number(value)}{' ' * bool(unit)}{unit}"
     abstained = " (abstained)" * (verdict == "abstained")
-    return f"{title} {measured}, needs {needs}{abstained}"
+    return f"{title} {measured}{joined}{needs}{abstained}"
 
 
 def number(value: float) -> str:

@@ -69,6 +69,8 @@ class Explanation:
         relations: rows of `why_outcomes`: region, track and place, in this selection.
         others: rows of `why_outcomes`: this proposal in the other selections.
         nearest: rows of `why_nearest`, the one taken first; empty when the id was given.
+        labels: rows of `why_labels`: the selection's other labels of the frame.
+        points: indices of the proposal's points in the frame.
     """
 
     proposal: Mapping[str, Any]
@@ -83,6 +85,8 @@ class Explanation:
     relations: tuple[dict[str, Any], ...]
     others: tuple[dict[str, Any], ...]
     nearest: tuple[dict[str, Any], ...]
+    labels: tuple[dict[str, Any], ...]
+    points: tuple[int, ...]
 
     @property
     def changes(self) -> tuple[str, ...]:
@@ -91,8 +95,13 @@ class Explanation:
         return tuple(c for c in stopping if c) if all(stopping) else ()
 
     def to_json(self) -> dict[str, Any]:
-        """Return everything as plain values."""
-        return {**dataclasses.asdict(self), "changes": self.changes}
+        """Return what people ask for as plain values: all but points and other labels."""
+        values = dataclasses.asdict(self)
+        left_out = ("labels", "points")
+        return {
+            **{name: value for name, value in values.items() if name not in left_out},
+            "changes": self.changes,
+        }
 
 
 def explain(
@@ -113,6 +122,7 @@ def explain(
     place = (found.dataset, found.sequence)
     asked = {"selection_id": selection["selection_id"], "proposal_id": found.proposal_id}
     proposal = _rows(found, "why_proposal", asked)[0]
+    points = proposal.pop("point_indices") or ()
     every = selections_of(store, *place, selection["round"])
     judge(found.connection, store, every, place, proposal["frame"], proposal["track_id"])
     outcomes = _rows(found, "why_outcomes", asked)
@@ -132,6 +142,8 @@ def explain(
         tuple(row for row in outcomes if row["relation"] != "itself"),
         tuple(row for row in itself if row is not own),
         found.nearest,
+        tuple(_rows(found, "why_labels", asked)),
+        tuple(points),
     )
 
 

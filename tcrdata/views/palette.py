@@ -43,6 +43,7 @@ class BoxStyle:
 
 
 STYLES = {
+    "asked": BoxStyle("#ffffff", (), 1.4, 1.0, 0.12, True, 5),
     "labels": BoxStyle("#4cc9f0", (), 1.2, 1.0, 0.22, True, 3),
     "truth": BoxStyle("#f2e863", (4.0, 2.2), 0.9, 1.0, 0.0, True, 4),
     "ignored": BoxStyle("#b79bea", (5.0, 1.5, 1.0, 1.5), 0.8, 0.9, 0.0, False, 2),
