@@ -18,7 +18,7 @@ import numpy as np
 from pycocotools import mask as run_lengths
 
 from tcrdata.exporters.cameras import image_boxes
-from tcrdata.exporters.frame_images import FrameImages, check_images, check_name
+from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
 from tcrdata.exporters.json_arrays import JsonArray
 from tcrdata.exporters.labels import (
     Card,
@@ -64,7 +64,8 @@ def export(
             target.open("w", encoding="utf-8") as file,
             tempfile.TemporaryFile("w+", encoding="utf-8", dir=folder) as aside,
         ):
-            instances = _Instances(folder / "images", file, aside)
+            images = None if options.labels_only else folder / "images"
+            instances = _Instances(images, file, aside)
             instances.write(chosen, options.category)
     return _card(str(out), options, instances, chosen)
 
@@ -72,7 +73,7 @@ def export(
 class _Instances:
     """Writes the file: images as they come, annotations aside until all images are listed."""
 
-    def __init__(self, images: Path, file: IO[str], aside: IO[str]) -> None:
+    def __init__(self, images: Path | None, file: IO[str], aside: IO[str]) -> None:
         self._folder, self._file, self._aside = images, file, aside
         self.images, self.annotations = JsonArray(file), JsonArray(aside)
         self.positive = 0
@@ -97,9 +98,8 @@ class _Instances:
         seen = np.array([files.has_image(row) for row in range(part.frames.num_rows)], dtype=bool)
         image_ids = self.images.count + np.cumsum(seen)
         self.images.extend(_images(part, files, seen, image_ids))
-        (self._folder / part.sequence).mkdir(parents=True, exist_ok=True)
-        for row in np.flatnonzero(seen).tolist():
-            files.place(row, self._folder)
+        if self._folder is not None:
+            files.place_all(self._folder)
         boxes = image_boxes(part)
         kept = ~np.isnan(boxes).any(axis=1) & seen[part.frame_rows]
         self.positive += int((kept & part.positive).sum())
@@ -181,7 +181,7 @@ def _card(out: str, options: ExportOptions, instances: _Instances, chosen: Chose
     regions = "iscrowd 1, with a run-length mask (the box's where there is no other)"
     conventions = (
         ("file", "annotations/instances.json; file_name is relative to the folder"),
-        ("images", "links to the dataset's files, or PNGs; frames without labels are listed too"),
+        ("images", image_line(options) + "; those without labels are listed too"),
         ("frame", "the image: x right, y down; the top left pixel's centre is 0, 0"),
         ("centre", "none: bbox starts at the left and top"),
         ("order", "bbox is left, top, width, height"),
@@ -192,5 +192,5 @@ def _card(out: str, options: ExportOptions, instances: _Instances, chosen: Chose
         ("ignore", regions if options.ignore == "keep" else "dropped"),
         ("left out", f"{unseen} labels that no image shows"),
     )
-    files = instances.images.count + 1
+    files = 1 if options.labels_only else 1 + instances.images.count
     return Card("coco", out, files, instances.positive, ignored, conventions)

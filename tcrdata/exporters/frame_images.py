@@ -10,7 +10,7 @@ from pathlib import Path
 
 from tcrdata import registry
 from tcrdata.errors import FrameError, MissingEvidenceError, TcrdataError
-from tcrdata.exporters.labels import ChosenLabels, SequenceLabels
+from tcrdata.exporters.labels import ChosenLabels, ExportOptions, SequenceLabels
 from tcrdata.types import Dataset, Frame
 
 _MADE = ".png"
@@ -59,6 +59,19 @@ class FrameImages:
             return EncodedImage(path.read_bytes(), self._suffix(row))
         except OSError as error:
             raise self._gone(row, error) from error
+
+    def place_all(self, folder: Path) -> int:
+        """Put every image there is where `place` puts it; returns their number.
+
+        Raises:
+            FrameError: an image is gone since the build.
+        """
+        rows = [row for row, there in enumerate(self._has_image) if there]
+        if rows:
+            (folder / self._part.sequence).mkdir(parents=True, exist_ok=True)
+        for row in rows:
+            self.place(row, folder)
+        return len(rows)
 
     def place(self, row: int, folder: Path) -> None:
         """Put the image at `folder / name(row)`: a link to the dataset's file, else a PNG.
@@ -144,6 +157,13 @@ def check_name(owners: dict[str, str], part: SequenceLabels) -> None:
             f"{other} and {part.dataset} both have a sequence '{part.sequence}': "
             f"export one dataset at a time: add --dataset {part.dataset}"
         )
+
+
+def image_line(options: ExportOptions) -> str:
+    """Return what a card says of the images of a format that keeps them as files."""
+    if options.labels_only:
+        return "named, not written: --labels-only"
+    return "links to the dataset's files, PNGs where it has none"
 
 
 def check_images(what: str, chosen: ChosenLabels) -> None:

@@ -61,7 +61,7 @@ def export(
     with chosen_labels(store, selection_id, options) as chosen:
         folder = open_folder(out, options.overwrite)
         (folder / "data").mkdir(exist_ok=True)
-        begun = _write(folder / "data", _groups(chosen, options.category), shard_bytes)
+        begun = _write(folder / "data", _groups(chosen, options), shard_bytes)
     _name(folder / "data", begun)
     card = _card(str(out), options, len(begun), chosen)
     (folder / "README.md").write_text(_readme(card, chosen.frames), encoding="utf-8")
@@ -117,21 +117,21 @@ def _name(folder: Path, begun: list[Path]) -> None:
         path.rename(folder / f"train-{number:05d}-of-{len(begun):05d}.parquet")
 
 
-def _groups(chosen: ChosenLabels, category: str) -> Iterator[pa.Table]:
+def _groups(chosen: ChosenLabels, options: ExportOptions) -> Iterator[pa.Table]:
     owners: dict[str, str] = {}
     kind = schema()
     for part in chosen.sequences():
         check_name(owners, part)
-        rows = _rows(part, category)
+        rows = _rows(part, options)
         while group := list(islice(rows, _FRAMES_A_GROUP)):
             yield pa.Table.from_pylist(group, schema=kind)
 
 
-def _rows(part: SequenceLabels, category: str) -> Iterator[dict[str, Any]]:
+def _rows(part: SequenceLabels, options: ExportOptions) -> Iterator[dict[str, Any]]:
     files = FrameImages(part)
-    for row, record in enumerate(records(part, category)):
+    for row, record in enumerate(records(part, options.category)):
         image = None
-        if files.has_image(row):
+        if files.has_image(row) and not options.labels_only:
             image = {"bytes": files.encoded(row).data, "path": files.name(row)}
         yield {"image": image, **record}
 

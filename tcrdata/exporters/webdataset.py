@@ -70,19 +70,19 @@ def export(
     options = options or ExportOptions()
     with chosen_labels(store, selection_id, options) as chosen:
         folder = open_folder(out, options.overwrite)
-        shards, images = _write(folder, _samples(chosen, options.category), shard_bytes)
+        shards, images = _write(folder, _samples(chosen, options), shard_bytes)
     _remove_older(folder, shards)
     return _card(str(out), options, shards, chosen, images)
 
 
-def _samples(chosen: ChosenLabels, category: str) -> Iterator[_Sample]:
+def _samples(chosen: ChosenLabels, options: ExportOptions) -> Iterator[_Sample]:
     owners: dict[str, str] = {}
     for part in chosen.sequences():
         check_name(owners, part)
         files = FrameImages(part)
-        for row, record in enumerate(records(part, category)):
+        for row, record in enumerate(records(part, options.category)):
             members = {}
-            if files.has_image(row):
+            if files.has_image(row) and not options.labels_only:
                 image = files.encoded(row)
                 members[image.suffix] = image.data
             members[".json"] = json.dumps(record, allow_nan=False).encode()

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.exporters.cameras import image_boxes
-from tcrdata.exporters.frame_images import FrameImages, check_images, check_name
+from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
 from tcrdata.exporters.labels import (
     Card,
     ChosenLabels,
@@ -69,6 +69,8 @@ def export(
             for part in chosen.sequences():
                 check_name(owners, part)
                 names = _write(folder, part, counts)
+                if not options.labels_only:
+                    FrameImages(part).place_all(folder / "images")
                 listing.writelines(f"./images/{name}\n" for name in names)
         (folder / "data.yaml").write_text(_data_yaml(options.category), encoding="utf-8")
     return _card(str(out), options, counts, chosen)
@@ -77,15 +79,13 @@ def export(
 def _write(folder: Path, part: SequenceLabels, counts: _Counts) -> list[str]:
     """Write one sequence; returns the names of its images."""
     files = FrameImages(part)
-    for kind in ("images", "labels"):
-        (folder / kind / part.sequence).mkdir(parents=True, exist_ok=True)
+    (folder / "labels" / part.sequence).mkdir(parents=True, exist_ok=True)
     lines, shown = _lines(part)
     positive = part.positive
     names = []
     for row, labels in part.by_frame():
         if not files.has_image(row):
             continue
-        files.place(row, folder / "images")
         names.append(files.name(row))
         text = Path(files.name(row)).with_suffix(".txt")
         own = np.arange(labels.start, labels.stop)[shown[labels]]
@@ -126,7 +126,7 @@ def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabel
     side = "the format has none: they stand in ignore/, as labels do in labels/; mask them yourself"
     conventions = (
         ("file", "labels/<sequence>/<frame>.txt: class, centre x, centre y, width, height"),
-        ("images", "links to the dataset's files, or PNGs; an empty file for one without labels"),
+        ("images", image_line(options) + "; one without labels has an empty file"),
         ("split", f"none: train and val of data.yaml are both {_LIST}"),
         ("frame", "the image: x right, y down; the top left pixel's centre is 0, 0"),
         ("centre", "centre of the 2D box"),
@@ -137,5 +137,5 @@ def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabel
         ("ignore", side if options.ignore == "keep" else "dropped"),
         ("left out", f"{unseen} labels that no image shows"),
     )
-    files = 2 * counts.images + counts.ignore_files + 2
+    files = counts.images * (1 if options.labels_only else 2) + counts.ignore_files + 2
     return Card("yolo", out, files, counts.positive, counts.ignored, conventions)
