@@ -96,6 +96,7 @@ def link_clusters(
             position=clusters.world[rows][:, [0, 2]],
             size_m=np.hypot(clusters.numbers["length_m"][rows], clusters.numbers["width_m"][rows]),
             core_share=np.nan_to_num(clusters.numbers["core_share"][rows]),
+            usable=np.array([f for f in world.frames if world.poses.segment[f] == segment]),
         )
         labels = link(detections, settings, metric_scale)
         tracks += [rows[labels == number] for number in range(labels.max(initial=-1) + 1)]

@@ -9,6 +9,7 @@ away from a track that expects it. Every cluster takes part: nothing is gated by
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -23,7 +24,9 @@ class LinkingSettings:
         gate_m: largest distance from the prediction, for tracks with a speed.
         new_gate_m: largest step of a track of one sighting, from one frame to the next.
         fast_gate_m: the same for what is left over afterwards (40 m/s at 10 Hz).
-        misses_frames: frames without a sighting after which a track ends.
+        gap_gate_m: the first gate grows by this for every frame that is missing since the last
+            sighting: nothing could be seen there.
+        misses_frames: usable frames without a sighting after which a track ends.
         velocity_frames: sightings back over which the speed is taken.
         core_cost: cost, in gates, of a cluster without any core point.
         size_cost: cost, in gates, of a size that differs by a factor e.
@@ -32,6 +35,7 @@ class LinkingSettings:
     gate_m: float = 1.3
     new_gate_m: float = 2.6
     fast_gate_m: float = 4.0
+    gap_gate_m: float = 0.3
     misses_frames: int = 3
     velocity_frames: int = 3
     core_cost: float = 0.5
@@ -43,16 +47,28 @@ class Detections:
     """Clusters of one sequence, sorted by frame.
 
     Attributes:
-        frame: (N,) positions of the frames in the sequence, rising.
+        frame: (N,) frame numbers, rising.
         position: (N, 2) x and z in the world, metres.
         size_m: (N,) diagonal of the footprint.
         core_share: (N,) share of core points.
+        usable: numbers of the frames that were looked at, rising; every other one is missing.
     """
 
     frame: IntArray
     position: FloatArray
     size_m: FloatArray
     core_share: FloatArray
+    usable: IntArray
+
+    @cached_property
+    def place(self) -> IntArray:
+        """(N,) places of the detections' frames among the usable ones."""
+        return np.asarray(np.searchsorted(self.usable, self.frame))
+
+    def missing(self, earlier: IntArray, later: int) -> IntArray:
+        """Return how many frames are missing between some detections and a later one."""
+        apart = self.frame[later] - self.frame[earlier]
+        return np.asarray(apart - (self.place[later] - self.place[earlier]))
 
 
 @dataclass
@@ -68,13 +84,14 @@ def link(detections: Detections, settings: LinkingSettings, metric_scale: float 
     born = 0
     for frame in np.unique(detections.frame):
         free = np.flatnonzero(detections.frame == frame)
+        place = detections.place[free[0]]
         active = [
             t
             for t in active
-            if frame - detections.frame[t.members[-1]] <= settings.misses_frames + 1
+            if place - detections.place[t.members[-1]] <= settings.misses_frames + 1
         ]
         for tier, gate_m in _tiers(active, settings):
-            free = _assign(detections, tier, free, int(frame), gate_m * metric_scale, settings)
+            free = _assign(detections, tier, free, gate_m, settings, metric_scale)
         for index in free:
             active.append(_Track(born, [int(index)]))
             born += 1
@@ -111,27 +128,34 @@ def _assign(
     detections: Detections,
     tracks: list[_Track],
     free: IntArray,
-    frame: int,
     gate_m: float,
     settings: LinkingSettings,
+    metric_scale: float,
 ) -> IntArray:
     """Let tracks that have no sighting in this frame choose; return the detections left over."""
     from scipy.optimize import linear_sum_assignment
 
+    if not len(free):
+        return free
+    frame = int(detections.frame[free[0]])
     tracks = [t for t in tracks if detections.frame[t.members[-1]] < frame]
-    if not tracks or not len(free):
+    if not tracks:
         return free
     predicted = np.array([_predict(detections, t, frame, settings.velocity_frames) for t in tracks])
     last = np.array([t.members[-1] for t in tracks])
     gap = np.linalg.norm(predicted[:, None] - detections.position[free][None], axis=2)
     size = np.maximum(detections.size_m, 1e-3)
     size_gap = np.abs(np.log(size[free][None] / size[last][:, None]))
+    gates = np.full(len(tracks), gate_m * metric_scale)
+    seen_twice = np.array([len(t.members) >= 2 for t in tracks])
+    grown = detections.missing(last, int(free[0])) * settings.gap_gate_m * metric_scale
+    gates[seen_twice] += grown[seen_twice]
     cost = (
-        gap / gate_m
+        gap / gates[:, None]
         + settings.size_cost * np.minimum(size_gap, 1.0)
         + settings.core_cost * (1 - detections.core_share[free])[None]
     )
-    reachable = gap <= gate_m
+    reachable = gap <= gates[:, None]
     # An unreachable pair costs more than any set of reachable ones, so that as many links as
     # possible are made and, among those, the cheapest.
     cost = np.where(reachable, cost, 10.0 * (1 + min(cost.shape)))

@@ -72,17 +72,17 @@ def refine(sightings: Sightings, settings: RefinementSettings, interval_s: float
     information = np.broadcast_to(np.eye(2) / (4 * settings.anchor_m) ** 2, (len(step), 2, 2))
     path = smooth_path(step, middle, information, count, jerk_m, acceleration_m)
     shape = shape_headings(sightings, settings)
-    length = width = 0.0
+    size = seen_size = (0.0, 0.0)
     residual = np.zeros((len(step), 2))
     for _ in range(settings.passes):
-        yaw = body_heading(path, length, shape, step, settings, interval_s)
+        yaw = body_heading(path, size[0], shape, step, settings, interval_s)
         seen = yaw[step]
         extents = _extents(sightings.xz, offsets, seen)
-        shown = _shown(sightings, seen, path[step], (length, width), settings)
-        length, width = _size(extents, shown, sightings.counts_for_size, settings)
-        anchor, deviation = _anchors(
-            sightings, extents, seen, path[step], (length, width), settings
-        )
+        shown = _shown(sightings, seen, path[step], size, settings)
+        used = sightings.counts_for_size
+        seen_size = _seen_size(extents, used, settings)
+        size = _whole_size(seen_size, shown[used], settings)
+        anchor, deviation = _anchors(sightings, extents, seen, path[step], size, settings)
         turn = _axes(seen)
         residual = anchor - np.einsum("nij,nj->ni", turn, path[step])
         slack = settings.outlier_deviations * deviation / np.maximum(np.abs(residual), 1e-9)
@@ -91,8 +91,10 @@ def refine(sightings: Sightings, settings: RefinementSettings, interval_s: float
         world = np.einsum("nki,nk->ni", turn, anchor)
         path = smooth_path(step, world, information, count, jerk_m, acceleration_m)
         residual = anchor - np.einsum("nij,nj->ni", turn, path[step])
-    yaw = body_heading(path, length, shape, step, settings, interval_s)
-    return RefinedPath(path, yaw, length, width, float(np.sqrt((residual**2).sum(axis=1).mean())))
+    yaw = body_heading(path, size[0], shape, step, settings, interval_s)
+    return RefinedPath(
+        path, yaw, *size, *seen_size, float(np.sqrt((residual**2).sum(axis=1).mean()))
+    )
 
 
 def _middles(sightings: Sightings) -> FloatArray:
@@ -109,25 +111,33 @@ def _axes(yaw: FloatArray) -> FloatArray:
     return np.stack([np.stack([c, -s], axis=1), np.stack([s, c], axis=1)], axis=1)
 
 
-def _size(
-    extents: FloatArray,
-    shown: BoolArray,
-    counts: BoolArray,
-    settings: RefinementSettings,
+def _seen_size(
+    extents: FloatArray, counts: BoolArray, settings: RefinementSettings
 ) -> tuple[float, float]:
-    """Return length and width: quantiles of the extents, or what a vehicle of that side has.
+    """Return length and width that the points show: quantiles of the extents.
 
     Args:
         extents: (n, 4) ends along both axes.
-        shown: (n, 2) whether the sensor saw along the length, and along the width.
-        counts: (n,) frames that may set the size.
+        counts: (n,) frames that may set the size, at least one.
         settings: scaled to the world.
     """
-    used = counts if counts.any() else np.ones(len(counts), dtype=bool)
-    length = float(np.quantile((extents[:, 1] - extents[:, 0])[used], settings.length_quantile))
-    width = float(np.quantile((extents[:, 3] - extents[:, 2])[used], settings.width_quantile))
-    length, width = length + settings.pad_m, width + settings.pad_m
-    sees_length, sees_width = shown[used].mean(axis=0) >= 1 - np.array(
+    length = float(np.quantile((extents[:, 1] - extents[:, 0])[counts], settings.length_quantile))
+    width = float(np.quantile((extents[:, 3] - extents[:, 2])[counts], settings.width_quantile))
+    return length + settings.pad_m, width + settings.pad_m
+
+
+def _whole_size(
+    seen_size: tuple[float, float], shown: BoolArray, settings: RefinementSettings
+) -> tuple[float, float]:
+    """Return length and width, one of them what a vehicle has where it never came into view.
+
+    Args:
+        seen_size: what the points show.
+        shown: (n, 2) whether the sensor saw along the length, and along the width.
+        settings: scaled to the world.
+    """
+    length, width = seen_size
+    sees_length, sees_width = shown.mean(axis=0) >= 1 - np.array(
         [settings.length_quantile, settings.width_quantile]
     )
     if not sees_length and sees_width and width >= settings.vehicle_width_m:

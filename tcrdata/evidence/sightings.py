@@ -101,6 +101,8 @@ class RefinedPath:
         yaw_rad: (N,) heading, world, continuous.
         length: metres.
         width: metres.
+        seen_length: what the points show of it; less where a vehicle's proportions filled in.
+        seen_width: the same.
         residual_m: root mean square distance of the anchors to the smoothed path.
     """
 
@@ -108,4 +110,6 @@ class RefinedPath:
     yaw_rad: FloatArray
     length: float
     width: float
+    seen_length: float
+    seen_width: float
     residual_m: float

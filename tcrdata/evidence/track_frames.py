@@ -58,12 +58,14 @@ class FrameTask:
         boxes: (K, 7) level frame; for clusters in the first look (0, 7).
         indices: K (first look: as many as clusters) arrays of point indices; empty for boxes
             without a cluster.
+        least_points: K numbers: a box around fewer points is not looked at; first look: empty.
         evidence: encoded ground, votes_free and votes_static; what is missing counts as zero.
     """
 
     frame: Frame
     boxes: FloatArray
     indices: tuple[IntArray, ...]
+    least_points: tuple[int, ...] = ()
     evidence: tuple[EncodedPoints, ...] = ()
 
 
@@ -119,9 +121,9 @@ def gather_chunk(task: ChunkTask) -> list[list[Float32Array] | FrameFailure]:
     return result
 
 
-def look_chunk(task: ChunkTask) -> list[list[BoxLook] | FrameFailure]:
-    """Return what each frame shows of each of its boxes."""
-    result: list[list[BoxLook] | FrameFailure] = []
+def look_chunk(task: ChunkTask) -> list[list[BoxLook | None] | FrameFailure]:
+    """Return what each frame shows of each of its boxes; None for one around too few points."""
+    result: list[list[BoxLook | None] | FrameFailure] = []
     for item in task.frames:
         try:
             xyz = task.dataset.read_points(item.frame).xyz
@@ -133,7 +135,12 @@ def look_chunk(task: ChunkTask) -> list[list[BoxLook] | FrameFailure]:
         solid = np.flatnonzero(evidence["ground"] == 0)
         view = _View(task, xyz, range_image(xyz, grid), grid, evidence, solid, xyz[solid])
         result.append(
-            [view.look(box, chosen) for box, chosen in zip(item.boxes, item.indices, strict=True)]
+            [
+                view.look(box, chosen, least)
+                for box, chosen, least in zip(
+                    item.boxes, item.indices, item.least_points, strict=True
+                )
+            ]
         )
     return result
 
@@ -161,12 +168,14 @@ class _View:
     solid: IntArray
     solid_xyz: Float32Array
 
-    def look(self, box: FloatArray, cluster: IntArray) -> BoxLook:
+    def look(self, box: FloatArray, cluster: IntArray, least_points: int) -> BoxLook | None:
         settings, scale = self.task.settings, self.task.metric_scale
         margin_m = settings.margin_m * scale
         grown = np.flatnonzero(points_in_box(self.solid_xyz, box, settings.grow_m * scale))
-        inside = self.solid[grown[points_in_box(self.solid_xyz[grown], box)]]
         chosen = cluster if len(cluster) else self.solid[grown]
+        if len(chosen) < least_points:
+            return None
+        inside = self.solid[grown[points_in_box(self.solid_xyz[grown], box)]]
         xyz = self.xyz[thinned(chosen, self.task.most_points)]
         hidden = np.zeros(4, dtype=bool)
         if len(xyz):

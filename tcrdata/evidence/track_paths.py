@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,15 +44,23 @@ class Shape:
     base_y: FloatArray
     height: float
 
-    def box(self, step: int) -> FloatArray:
-        """Return the (7,) box of one step in the world."""
+    @property
+    def last(self) -> int:
+        """Frame number of the path's last step."""
+        return self.first + len(self.path.center) - 1
+
+    def box(self, frame: int) -> FloatArray:
+        """Return the (7,) box of a frame in the world, on the path or beyond its ends."""
+        if not self.first <= frame <= self.last:
+            return self._box_beyond(frame - (self.first if frame < self.first else self.last))
+        step = frame - self.first
         return self._box(self.path.center[step], float(self.path.yaw_rad[step]), self.base_y[step])
 
     def _box(self, center: FloatArray, yaw: float, base_y: float) -> FloatArray:
         size = (self.path.length, self.path.width, self.height)
         return np.array([center[0], base_y - self.height / 2, center[1], *size, yaw])
 
-    def box_beyond(self, steps: int) -> FloatArray:
+    def _box_beyond(self, steps: int) -> FloatArray:
         """Return the (7,) box some steps after the last (> 0) or before the first (< 0).
 
         Constant speed and turning rate of the last steps of the path.
@@ -77,9 +85,7 @@ class Shape:
 
 
 def _reversed(path: RefinedPath) -> RefinedPath:
-    return RefinedPath(
-        path.center[::-1], path.yaw_rad[::-1], path.length, path.width, path.residual_m
-    )
+    return replace(path, center=path.center[::-1], yaw_rad=path.yaw_rad[::-1])
 
 
 @dataclass(frozen=True)
@@ -164,46 +170,41 @@ class Place:
         box: (7,) world.
         row: the cluster linked there, or -1.
         found: observed, gap or extended.
+        trusted: near enough to a sighting to take part in the refinement.
     """
 
     frame: int
     box: FloatArray
     row: int
     found: str
+    trusted: bool
 
 
-def places_of(track: Track, shape: Shape, world: World, extend_frames: int) -> list[Place]:
+def places_of(
+    track: Track, shape: Shape, world: World, extend_frames: int, trusted_frames: int
+) -> list[Place]:
     """Return the places of a track in rising order of frames: sightings, gaps, beyond its ends."""
     segment = world.poses.segment[int(track.frame[0])]
     rows = dict(zip(track.frame.tolist(), track.rows.tolist(), strict=True))
-    last = shape.first + len(shape.path.center) - 1
     places = []
-    for frame in range(shape.first - extend_frames, last + extend_frames + 1):
+    for frame in range(shape.first - extend_frames, shape.last + extend_frames + 1):
         if frame not in world.frames or world.poses.segment[frame] != segment:
             continue
-        if frame < shape.first:
-            box = shape.box_beyond(frame - shape.first)
-        elif frame > last:
-            box = shape.box_beyond(frame - last)
-        else:
-            box = shape.box(frame - shape.first)
-        inside = shape.first <= frame <= last
-        found = "observed" if frame in rows else "gap" if inside else "extended"
-        places.append(Place(frame, box, rows.get(frame, -1), found))
+        beyond = max(shape.first - frame, frame - shape.last, 0)
+        found = "observed" if frame in rows else "extended" if beyond else "gap"
+        row = rows.get(frame, -1)
+        places.append(Place(frame, shape.box(frame), row, found, beyond <= trusted_frames))
     return places
 
 
 def kept_places(
-    places: list[Place], looks: list[BoxLook | None], fill_points: int
+    places: list[Place], looks: list[BoxLook | None]
 ) -> tuple[list[Place], list[BoxLook]]:
     """Return the places that stay: sightings, gaps, and what extends them without a break.
 
-    An extension ends at the first frame with fewer than `fill_points` points in the box.
+    An extension ends at the first frame that cannot be read or shows too little of the box.
     """
-    seen = [
-        look is not None and (p.found != "extended" or len(look.xyz) >= fill_points)
-        for p, look in zip(places, looks, strict=True)
-    ]
+    seen = [look is not None for look in looks]
     inner = [i for i, p in enumerate(places) if p.found == "observed"]
     low, high = inner[0], inner[-1]
     while low > 0 and seen[low - 1]:

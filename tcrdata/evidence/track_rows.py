@@ -61,12 +61,13 @@ def statistics(
     """
     track, shape = finished.track, finished.shape
     first, last = int(track.frame[0]), int(track.frame[-1])
-    path = shape.path.center[first - shape.first : last - shape.first + 1]
+    # The first sighting's frame may have become unreadable: the path then begins later.
+    path = shape.path.center[max(first - shape.first, 0) : last - shape.first + 1]
+    near = [p for p in finished.places if p.trusted]
     travel = float(np.hypot(*(path[-1] - path[0])))
     length = float(np.hypot(*np.diff(path, axis=0).T).sum())
     numbers = {name: values[track.rows] for name, values in clusters.numbers.items()}
-    ranges = [np.hypot(*(p.box[[0, 2]] - world.sensor(p.frame)[[0, 2]])) for p in finished.places]
-    listed = list(world.frames)
+    ranges = [np.hypot(*(p.box[[0, 2]] - world.sensor(p.frame)[[0, 2]])) for p in near]
     return {
         "track_id": f"{info.dataset}/{info.sequence}/track/{track.number:04d}",
         "age_frames": len(track.frame),
@@ -74,11 +75,13 @@ def statistics(
         "travel_m": travel,
         "path_length_m": length,
         "straightness": travel / length if length > 0 else 0.0,
-        "at_clip_edge": first == listed[0] or last == listed[-1],
+        "at_clip_edge": world.begins(first) or world.ends(last),
         "track_core_share": float(np.nanmedian(np.nan_to_num(numbers["core_share"]))),
         "track_points": float(np.median(numbers["number_of_points"])),
         "track_height_m": shape.height,
         "track_range_min_m": float(min(ranges)),
+        "seen_length_m": shape.path.seen_length,
+        "seen_width_m": shape.path.seen_width,
         "refinement_residual_m": shape.path.residual_m,
     }
 
@@ -92,6 +95,15 @@ def confidence(columns: dict[str, Any], metric_scale: float) -> float:
     age = 1 - 2.0 ** (-columns["age_frames"] / 4)
     travel = 1 - 2.0 ** (-columns["travel_m"] / (1.5 * metric_scale))
     return float(columns["straightness"] * age * travel)
+
+
+def _rank(place: Place, columns: dict[str, Any], metric_scale: float) -> float:
+    """Return by how much a track claims a place where two meet; 0 far beyond its ends.
+
+    Two sightings lie on a line whatever they are: such a track's straightness claims nothing.
+    """
+    claims = place.trusted and columns["age_frames"] > 2
+    return confidence(columns, metric_scale) * _FOUND_WEIGHT[place.found] * claims
 
 
 def frame_columns(
@@ -110,14 +122,14 @@ def frame_columns(
         world: poses and clock.
         info: of the sequence.
     """
-    boxes = [f.shape.box(frame - f.shape.first) for f, _, _ in entries]
+    boxes = [f.shape.box(frame) for f, _, _ in entries]
     level = np.array([world.box_to_level(frame, box) for box in boxes])
     places = [f.places[i] for f, i, _ in entries]
     looks = [f.looks[i] for f, i, _ in entries]
     numbers = [f.track.number for f, _, _ in entries]
     points_xz = [look.xyz[:, [0, 2]] for look in looks]
     ranks = [
-        confidence(stats, info.metric_scale) * _FOUND_WEIGHT[place.found]
+        _rank(place, stats, info.metric_scale)
         for place, (_, _, stats) in zip(places, entries, strict=True)
     ]
     own: Columns = {name: [stats[name] for _, _, stats in entries] for name in entries[0][2]}
@@ -164,7 +176,8 @@ def _measured(place: Place, look: BoxLook, clusters: Clusters) -> dict[str, Any]
 
 
 def _speed(shape: Shape, frame: int, world: World) -> float | None:
-    step, center = frame - shape.first, shape.path.center
+    center = shape.path.center
+    step = min(max(frame - shape.first, 0), len(center) - 1)
     before, after = max(step - 1, 0), min(step + 1, len(center) - 1)
     if after == before or not world.timed:
         return None
@@ -191,7 +204,7 @@ def overlapped_shares(boxes: FloatArray, ranks: FloatArray) -> list[float]:
 def confidence_columns(columns: Columns) -> list[Columns]:
     """Return the rows of `confidences` that follow from rows of `proposals`: two modules."""
     count = len(columns["proposal_id"])
-    keys = {name: columns[name] for name in ("proposal_id", "frame")}
+    keys = {name: columns[name] for name in ("proposal_id", "frame", "source")}
     fields = ("straightness", "age_frames", "travel_m")
     tracks = [
         confidence({name: columns[name][i] for name in fields}, columns["metric_scale"][i])

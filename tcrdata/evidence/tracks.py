@@ -65,10 +65,13 @@ class Settings:
         refinement: of one track over all of its frames.
         first_passes: passes of the first refinement, which only has to place the boxes.
         probe: how boxes are looked at in a frame.
-        least_sightings: shorter tracks are no rows; every rule asks for as many or more.
+        least_sightings: shorter tracks are no rows; every rule asks for more.
         least_spread_m: tracks whose clusters all lie closer together are none either; every rule
             asks for more travel.
-        extend_frames: most frames beyond a track's ends.
+        extend_frames: most frames beyond a track's ends; every rule asks for fewer.
+        trusted_frames: extensions farther than this from a sighting take no part in refining the
+            track, claim no place from others, and follow the refined path's ends: they are there
+            for rules that ask for more, and change nothing else.
         fill_points: an extension ends where fewer points are in the box; every rule asks for more.
         most_points: points of a cluster that refinement keeps.
         chunk_frames: most frames an item of work.
@@ -79,9 +82,10 @@ class Settings:
     refinement: RefinementSettings = field(default_factory=RefinementSettings)
     first_passes: int = 2
     probe: ProbeSettings = field(default_factory=ProbeSettings)
-    least_sightings: int = 3
+    least_sightings: int = 2
     least_spread_m: float = 0.5
-    extend_frames: int = 5
+    extend_frames: int = 10
+    trusted_frames: int = 5
     fill_points: int = 5
     most_points: int = 256
     chunk_frames: int = 50
@@ -105,7 +109,8 @@ def run(cue: CueInput) -> Iterator[Rows]:
     work = _prepare(cue)
     tracks = _link(work)
     shapes = _refine_clusters(work, tracks)
-    places = [places_of(t, s, work.world, work.settings.extend_frames) for t, s in shapes]
+    reach = (work.settings.extend_frames, work.settings.trusted_frames)
+    places = [places_of(t, s, work.world, *reach) for t, s in shapes]
     looks = _look(work, places)
     yield from _rows(work, _refine_places(work, [t for t, _ in shapes], places, looks))
     yield from error_rows(sorted(work.failures.items()))
@@ -199,7 +204,7 @@ def _chunks(work: _Work, tasks: dict[int, FrameTask], *, evidence: bool) -> Iter
         for frame in frames[first:last]:
             task = tasks[frame]
             read = _read_evidence(work, frame) if evidence else ()
-            part.append(FrameTask(task.frame, task.boxes, task.indices, read))
+            part.append(replace(task, evidence=read))
         yield ChunkTask(
             dataset=work.cue.dataset,
             sensor=work.cue.info.sensor,
@@ -216,7 +221,7 @@ def _read_evidence(work: _Work, frame: int) -> tuple[EncodedPoints, ...]:
 
 
 def _look(work: _Work, places: list[list[Place]]) -> list[list[BoxLook | None]]:
-    """Return what each place's frame shows of it; None where the frame cannot be read."""
+    """Return what each place's frame shows of it; None for too little, or an unreadable frame."""
     wanted: dict[int, list[tuple[int, int]]] = {}
     for t, track_places in enumerate(places):
         for i, place in enumerate(track_places):
@@ -227,7 +232,8 @@ def _look(work: _Work, places: list[list[Place]]) -> list[list[BoxLook | None]]:
         here = [places[t][i] for t, i in keys]
         boxes: FloatArray = np.array([work.world.box_to_level(frame, p.box) for p in here])
         indices = tuple(work.clusters.indices[p.row] if p.row >= 0 else none for p in here)
-        tasks[frame] = FrameTask(work.world.frames[frame], boxes, indices)
+        least = tuple(work.settings.fill_points * (p.found == "extended") for p in here)
+        tasks[frame] = FrameTask(work.world.frames[frame], boxes, indices, least)
     looks: list[list[BoxLook | None]] = [[None] * len(p) for p in places]
     results = work.cue.parallel(look_chunk, _chunks(work, tasks, evidence=True))
     for frame, found in zip(sorted(tasks), (r for chunk in results for r in chunk), strict=True):
@@ -251,7 +257,7 @@ def _refine_places(
     for track, there, shown in zip(tracks, places, looks, strict=True):
         if all(k is None or p.found != "observed" for p, k in zip(there, shown, strict=True)):
             continue
-        kept = kept_places(there, shown, work.settings.fill_points)
+        kept = kept_places(there, shown)
         parts.append((track, *kept))
         seen.append(_sightings(*kept, above, work.settings.fill_points))
     shapes = _shapes(work, seen, work.refinement)
@@ -270,7 +276,7 @@ def _sightings(
             place.found == "observed",
         )
         for place, look in zip(places, looks, strict=True)
-        if len(look.xyz) >= (1 if place.found == "observed" else fill_points)
+        if place.trusted and len(look.xyz) >= (1 if place.found == "observed" else fill_points)
     ]
 
 

@@ -5,12 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from tcrdata.evidence.poses import Poses
 from tcrdata.types import FloatArray, Frame
+
+LEAST_GAP_FRAMES = 3
+"""So many missing frames, as many as a track may miss, still count as one drive; more cut it."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,29 @@ class World:
     poses: Poses
     interval_s: float
     timed: bool
+
+    def begins(self, frame: int) -> bool:
+        """Whether nothing was seen right before a frame: the drive or a part of it begins there."""
+        return not self._seen_together(frame, self._places[frame] - 1)
+
+    def ends(self, frame: int) -> bool:
+        """Whether nothing was seen right after a frame: the drive or a part of it ends there."""
+        return not self._seen_together(frame, self._places[frame] + 1)
+
+    @cached_property
+    def _places(self) -> dict[int, int]:
+        return {frame: place for place, frame in enumerate(self.frames)}
+
+    @cached_property
+    def _numbers(self) -> list[int]:
+        return list(self.frames)
+
+    def _seen_together(self, frame: int, place: int) -> bool:
+        """Whether a frame and its neighbour at a place are linked, and without a longer gap."""
+        if not 0 <= place < len(self._numbers):
+            return False
+        other = self._numbers[place]
+        return self.poses.linked(frame, other) and abs(other - frame) <= 1 + LEAST_GAP_FRAMES
 
     def point_to_world(self, frame: int, point: FloatArray) -> FloatArray:
         """Return (..., 3) level points of a frame in the world."""

@@ -63,6 +63,40 @@ def test_an_end_is_extended_while_points_are_in_the_box():
     assert [row["frames_from_observation"] for row in extended] == [4, 3, 2, 1]
 
 
+@pytest.mark.parametrize(("lost", "cut"), [((9, 10, 11), False), ((8, 9, 10, 11, 12), True)])
+def test_a_gap_in_the_frames_is_an_edge_of_the_clip(lost, cut):
+    """One car comes into view after the gap and leaves before the end; another spans it all."""
+    late = Thing(-6.0, 20.0, speed=6.0, missed=(*range(13), 18, 19))
+    cue = BoxWorld((CAR, late)).cue(tracks.Settings())
+    step = np.eye(4).ravel().tolist()
+    links = cue.tables._rows["egomotions"]
+    bridge = {**links[0], "frame": lost[0] - 1, "frame_to": lost[-1] + 1, "to_T_from": step}
+    kept = [r for r in links if not {r["frame"], r["frame_to"]} & set(lost)]
+    cue.tables._rows["egomotions"] = [*kept, bridge]
+    rows = collected(tracks.run(cue), "proposals")
+    first, second = sorted({row["track_id"] for row in rows})
+    by_track = {t: [row for row in rows if row["track_id"] == t] for t in (first, second)}
+    assert {row["span_frames"] for row in by_track[first]} == {20}
+    assert not set(lost) & {row["frame"] for row in rows}
+    assert {row["at_clip_edge"] for row in by_track[second]} == {cut}
+
+
+def test_rows_far_beyond_an_end_change_no_other_row():
+    late = Thing(-8.0, 14.0, speed=8.0)
+
+    def built(**settings):
+        cue = BoxWorld((late,)).cue(tracks.Settings(**settings))
+        rows = [r for r in cue.tables._rows["proposals"] if r["frame"] >= 9]
+        cue.tables._rows["proposals"] = rows
+        return {row["frame"]: row for row in collected(tracks.run(cue), "proposals")}
+
+    near, far = built(extend_frames=5), built()
+    assert (min(near), min(far)) == (4, 0)
+    assert {frame: far[frame] for frame in near} == near
+    assert [far[frame]["frames_from_observation"] for frame in range(4)] == [9, 8, 7, 6]
+    assert overlap(far[0], late) > 0.5
+
+
 def test_of_two_tracks_at_one_place_the_surer_one_overlaps():
     rows = rows_of(BoxWorld((CAR, Thing(2.0, 20.0, speed=5.0))))
     assert {row["overlapped_share"] for row in rows} == {0.0}
