@@ -39,7 +39,7 @@ def connect_selections(
     """
     connection = store.connect(tables=_OF_THIS_MOMENT)
     first = selections[0]["snapshot"]
-    parts = []
+    parts: list[str] = []
     for snapshot in dict.fromkeys(row["snapshot"] for row in selections):
         rows = [row for row in selections if row["snapshot"] == snapshot]
         schema = "main" if snapshot == first else f"snapshot_{len(parts)}"

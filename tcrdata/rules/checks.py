@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
@@ -21,7 +21,6 @@ def add_rule_views(
     store: Store,
     connection: duckdb.DuckDBPyConnection,
     selections: Sequence[Mapping[str, Any]],
-    sequences: Iterable[tuple[str, str]] | None = None,
 ) -> None:
     """Replace the empty tables `checks` and `verdicts` of a connection by views.
 
@@ -31,22 +30,17 @@ def add_rule_views(
         store: the connection's.
         connection: of `Store.connect`; gets a schema a snapshot.
         selections: rows of `selections`; nothing is done without one.
-        sequences: (dataset, sequence) of the only ones whose proposals are judged: a view over
-            few files answers sooner. None for all.
 
     Raises:
         StoreError: a selection's snapshot is gone, or one of its files is damaged.
         QueryError: a rule's text does not bind.
     """
     branches: dict[str, list[str]] = {"checks": [], "verdicts": []}
-    asked = None if sequences is None else frozenset(sequences)
     for number, snapshot in enumerate(sorted({row["snapshot"] for row in selections})):
         rows = [row for row in selections if row["snapshot"] == snapshot]
         views = {"checks": checks_view_sql(rows), "verdicts": verdicts_view_sql(rows)}
         schema = f"snapshot_{number}"
-        store.add_snapshot(
-            connection, snapshot, schema, views, tables=EVIDENCE_TABLES, sequences=asked
-        )
+        store.add_snapshot(connection, snapshot, schema, views, tables=EVIDENCE_TABLES)
         for view, selects in branches.items():
             selects.append(f"select * from {schema}.{view}")
     for view, selects in branches.items():

@@ -210,7 +210,6 @@ class Store:
         views: Mapping[str, str] | None = None,
         *,
         tables: Sequence[str] | None = None,
-        sequences: frozenset[tuple[str, str]] | None = None,
     ) -> None:
         """Add a snapshot's tables to a connection under a schema, with views that read them.
 
@@ -220,17 +219,12 @@ class Store:
             schema: made when it is not there.
             views: as in `connect`.
             tables: only these; all that the snapshot covers when None.
-            sequences: (dataset, sequence) of the only ones whose files are read; None for all.
 
         Raises:
             StoreError: the snapshot is unknown, does not cover a table, or a file is damaged.
             QueryError: the SQL of a view does not bind.
         """
         entries = self._entries(tables, snapshot)
-        if sequences is not None:
-            for table, found in entries.items():
-                kept = [e for e in found if (e.unit.dataset, e.unit.sequence) in sequences]
-                entries[table] = kept
         create_views(connection, self._files, entries, views or {}, schema)
 
     def scan(self, table: str, *, snapshot: str | None = None) -> polars.LazyFrame:
