@@ -32,6 +32,7 @@ test: setup
 fix: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
+	$(BIN)/nbstripout notebooks/*.ipynb
 
 clean:
 	rm -rf .venv demo-out .mypy_cache .ruff_cache .pytest_cache

@@ -67,7 +67,8 @@ def build_progress(total: int) -> Iterator[Callable[[UnitOutcome], None]]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+    # A notebook asks rich for colours; what it shows is no terminal all the same.
+    with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as bar:
         task = bar.add_task("build", total=total)
 
         def advance(outcome: UnitOutcome) -> None:
