@@ -100,6 +100,16 @@ def test_a_frame_that_cannot_be_used_is_a_row_and_the_rest_is_built(
     assert {row[name] for row in measured for name in ("frame", "frame_to")} >= {0, 1, 3, 4}
 
 
+def test_a_drive_without_a_usable_frame_fails_however_often_it_is_built(tmp_path: Path) -> None:
+    folder = write_raw(tmp_path / "kitti", frames=FRAMES)
+    for frame in range(FRAMES):
+        empty(sweep_file(folder, frame))
+    for _ in range(2):
+        result = run(*build_command(tmp_path / "kitti", tmp_path / "store"))
+        assert result.code == 1
+        assert f"kitti/{DRIVE}: none of its frames can be used" in result.err
+
+
 def test_a_gap_in_the_frames_stays_a_gap(tmp_path: Path) -> None:
     folder = write_raw(tmp_path / "kitti", frames=FRAMES)
     sweep_file(folder, 2).unlink()

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.errors import FrameError
+from tcrdata.errors import EvidenceError, FrameError
 from tcrdata.evidence.chunks import chunked
 from tcrdata.evidence.heights import heights_above_cells, plane_heights
 from tcrdata.evidence.point_rows import EncodedPoints, encoded, error_rows, point_rows
@@ -80,7 +80,16 @@ class _Chunk:
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
-    """Yield `point_evidence` rows of the cues `ground` (bits) and `height_m` (f16)."""
+    """Yield `point_evidence` rows of the cues `ground` (bits) and `height_m` (f16).
+
+    Raises:
+        EvidenceError: the sequence has no usable frame: all that build on this cue stand still.
+    """
+    if not cue.frames:
+        raise EvidenceError(
+            f"{cue.info.dataset}/{cue.info.sequence}: none of its frames can be used; "
+            "`tcrdata status` says why, frame by frame"
+        )
     settings = _scaled(cue.settings, cue.info.metric_scale)
     items = (
         _Chunk(cue.dataset, frames, cue.info.sensor, settings)
