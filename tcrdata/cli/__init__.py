@@ -11,6 +11,7 @@ from cyclopts import CycloptsError
 from tcrdata.cli import (
     build,
     check,
+    diff,
     draw,
     evaluate,
     export,
@@ -31,6 +32,7 @@ from tcrdata.errors import TcrdataError
 for _command in (
     build.build,
     check.check,
+    diff.diff,
     draw.draw,
     evaluate.evaluate,
     export.export,

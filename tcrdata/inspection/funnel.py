@@ -5,12 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tcrdata.inspection.selected_views import connect_selections, selection_rows
-from tcrdata.reports import run_report
+from tcrdata.inspection.selected_views import connect_selections, report_rows, selection_rows
 
 if TYPE_CHECKING:
-    import duckdb
-
     from tcrdata.store import Store
 
 
@@ -59,13 +56,8 @@ def funnel(store: Store, selection_id: str) -> Funnel:
     one = {"selection_id": selection_id}
     return Funnel(
         selection,
-        _rows(run_report(connection, "funnel", one)),
-        _rows(run_report(connection, "agreement_coverage")),
-        _rows(run_report(connection, "agreement_modules")),
-        _rows(run_report(connection, "agreement_selections", one)),
+        report_rows(connection, "funnel", one),
+        report_rows(connection, "agreement_coverage"),
+        report_rows(connection, "agreement_modules"),
+        report_rows(connection, "agreement_selections", one),
     )
-
-
-def _rows(relation: duckdb.DuckDBPyRelation) -> list[dict[str, Any]]:
-    """Rows by column name."""
-    return [dict(zip(relation.columns, row, strict=True)) for row in relation.fetchall()]

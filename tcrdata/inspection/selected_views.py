@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from tcrdata.reports import run_report
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.checks import verdicts_view_sql
+from tcrdata.rules.verdicts import columns_read
 
 if TYPE_CHECKING:
     import duckdb
@@ -22,8 +24,16 @@ def selection_rows(store: Store, *selection_ids: str) -> list[dict[str, Any]]:
     return [rows[selection_id] for selection_id in selection_ids]
 
 
+def report_rows(
+    connection: duckdb.DuckDBPyConnection, report: str, parameters: Mapping[str, Any] | None = None
+) -> list[dict[str, Any]]:
+    """Run a report and return its rows by column name."""
+    relation = run_report(connection, report, parameters)
+    return [dict(zip(relation.columns, row, strict=True)) for row in relation.fetchall()]
+
+
 def connect_selections(
-    store: Store, selections: Sequence[dict[str, Any]]
+    store: Store, selections: Sequence[dict[str, Any]], asked: str | None = None
 ) -> duckdb.DuckDBPyConnection:
     """Connect to the labels of all selections, and to the evidence and verdicts of some.
 
@@ -33,18 +43,42 @@ def connect_selections(
     Args:
         store: that holds them.
         selections: rows of `selections`, at least one.
+        asked: a select over labels of the ids of the only proposals to judge; None for all.
 
     Raises:
         StoreError: a selection's snapshot is gone, or one of its files is damaged.
     """
     connection = store.connect(tables=_OF_THIS_MOMENT)
-    first = selections[0]["snapshot"]
+    if asked is not None:
+        connection.execute(f"create table asked as {asked}")
     parts: list[str] = []
-    for snapshot in dict.fromkeys(row["snapshot"] for row in selections):
+    for number, snapshot in enumerate(dict.fromkeys(row["snapshot"] for row in selections)):
         rows = [row for row in selections if row["snapshot"] == snapshot]
-        schema = "main" if snapshot == first else f"snapshot_{len(parts)}"
-        views = {f"verdicts_{len(parts)}": verdicts_view_sql(rows)}
-        store.add_snapshot(connection, snapshot, schema, views, tables=EVIDENCE_TABLES)
-        parts.append(f"from {schema}.verdicts_{len(parts)}")
+        schema = f"snapshot_{number}" if number else "main"
+        store.add_snapshot(connection, snapshot, schema, tables=EVIDENCE_TABLES)
+        if asked is not None:
+            schema = _narrow(connection, schema, rows, f"asked_{number}")
+        view = f"{schema}.verdicts_{number}"
+        connection.execute(f"use {schema}")
+        connection.execute(f"create view {view} as {verdicts_view_sql(rows)}")
+        parts.append(f"from {view}")
+    connection.execute("use main")
     connection.execute("create view verdicts as " + " union all ".join(parts))
     return connection
+
+
+def _narrow(
+    connection: duckdb.DuckDBPyConnection, schema: str, rows: Sequence[dict[str, Any]], name: str
+) -> str:
+    """Make a schema with the evidence of another, of the asked proposals alone."""
+    columns = ", ".join(sorted({column for row in rows for column in columns_read(row)}))
+    connection.execute(f"create schema {name}")
+    for table in EVIDENCE_TABLES:
+        if table != "proposals":
+            connection.execute(f"create view {name}.{table} as from {schema}.{table}")
+    # Read once and kept: the proposals are few, the files are many.
+    connection.execute(
+        f"create table {name}.proposals as "
+        f"select {columns} from {schema}.proposals semi join main.asked using (proposal_id)"
+    )
+    return name

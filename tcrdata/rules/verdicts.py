@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES, RULE_COLUMNS, Binder, Reads
-from tcrdata.rules.judging import scoped
+from tcrdata.rules.scopes import scoped
 from tcrdata.rules.sql_files import SqlFile
 
 _KEYS = ("proposal_id", "dataset", "sequence", "frame", "source")
@@ -39,11 +39,20 @@ def verdicts_select(selection: Mapping[str, Any]) -> str:
     relations = {
         table: f"(select * from {table} where round = {number})" for table in EVIDENCE_TABLES
     }
-    wanted = {*_KEYS, *(column for read in reads for column in read.columns)}
-    rows = f"(select {', '.join(sorted(wanted))} from proposals where round = {number})"
+    wanted = _wanted(reads)
+    rows = f"(select {', '.join(wanted)} from proposals where round = {number})"
     for place, (text, read) in enumerate(zip(texts, reads, strict=True)):
         rows = _judged(rows, place, text, read, relations)
     return f"select {_columns(selection)}\nfrom {rows}"
+
+
+def columns_read(selection: Mapping[str, Any]) -> list[str]:
+    """Columns of `proposals` that a selection's rows of `verdicts` are made from, sorted."""
+    return _wanted(_reads(selection["rules"], selection["rule_texts"]))
+
+
+def _wanted(reads: Sequence[Reads]) -> list[str]:
+    return sorted({*_KEYS, *(column for read in reads for column in read.columns)})
 
 
 def _reads(rules: Sequence[str], texts: Sequence[str]) -> list[Reads]:
