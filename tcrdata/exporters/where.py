@@ -8,6 +8,7 @@ from typing import Any
 import duckdb
 
 from tcrdata.errors import QueryError
+from tcrdata.store.views import no_glob
 
 _PLACES = ("query_location", "query_location_length")
 
@@ -56,7 +57,8 @@ def keep(connection: duckdb.DuckDBPyConnection, selection_id: str, condition: st
 
 def lock(connection: duckdb.DuckDBPyConnection, folder: str | None) -> None:
     """Let a connection read one folder's files and nothing else, for good."""
-    folders = [] if folder is None else [folder.rstrip("/") + "/"]
+    # DuckDB asks for the name it was given, and again for the file that it found.
+    folders = [] if folder is None else sorted({folder, no_glob(folder)})
     connection.execute("set allowed_directories = $folders", {"folders": folders})
     connection.execute("set enable_external_access = false")
     connection.execute("set lock_configuration = true")

@@ -76,7 +76,7 @@ def _create_table(
     names = ", ".join(quote(column.name) for column in columns(table))
     if files.is_local:
         _check_sizes(files, entries)
-        root = _no_glob(files.full_path("")).replace("'", "''")
+        root = no_glob(files.full_path("")).replace("'", "''")
         paths = ", ".join(f"'{root}{entry.path}'" for entry in entries)
         source = f"read_parquet([{paths}], hive_partitioning = false)"
     else:
@@ -135,6 +135,6 @@ def one_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
-def _no_glob(path: str) -> str:
-    """DuckDB reads every path as a pattern; what lies below the store's root never is one."""
+def no_glob(path: str) -> str:
+    """A path as a pattern that means it alone: DuckDB takes every path for a pattern."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in path)
