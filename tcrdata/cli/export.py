@@ -9,7 +9,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from tcrdata import console
-from tcrdata.cli.app import Flag, StoreUrl
+from tcrdata.cli.app import Flag, StoreUrl, listed
 from tcrdata.cli.selected import selected
 
 
@@ -23,6 +23,8 @@ def export(
     ignore: Literal["keep", "drop"] = "keep",
     category: str = "Car",
     dataset: str | None = None,
+    validation: str | None = None,
+    labels_only: Flag = False,
     overwrite: Flag = False,
     json: Flag = False,
 ) -> int:
@@ -38,6 +40,8 @@ def export(
         ignore: keep writes undecided labels as the format's ignore regions, drop leaves them out.
         category: type of every object: the labels have no class.
         dataset: only the sequences of this dataset.
+        validation: sequences of the validation split, with commas between, in formats with splits.
+        labels_only: write no images and no points, nor links to them.
         overwrite: write into a folder that is not empty.
         json: print what was written as JSON.
     """
@@ -48,7 +52,15 @@ def export(
     exporter = registry.find("exporters", format_name)
     opened = open_store(store)
     chosen = selected(opened, selection)
-    options = ExportOptions(where, ignore, category, dataset, overwrite)
+    options = ExportOptions(
+        where=where,
+        ignore=ignore,
+        category=category,
+        dataset=dataset,
+        overwrite=overwrite,
+        validation=listed(validation) or (),
+        labels_only=labels_only,
+    )
     card = exporter.export(opened, chosen, out, options)
     if json:
         console.print_json(dataclasses.asdict(card))

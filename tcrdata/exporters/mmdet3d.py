@@ -86,8 +86,10 @@ def export(
         content = {"metainfo": _metainfo(), "data_list": of_split}
         path = folder / f"kitti_infos_{split}.pkl"
         path.write_bytes(pickle.dumps(content, protocol=4))
+    written = sum(len(info["instances"]) for of_split in infos.values() for info in of_split)
     lines = _conventions(options.category, tilted)
-    return Card("mmdet3d", str(out), numbered.count, chosen.total, chosen.ignored, lines)
+    ignored = written - chosen.total
+    return Card("mmdet3d", str(out), numbered.count, chosen.total, ignored, lines)
 
 
 def _metainfo() -> dict[str, Any]:

@@ -177,6 +177,35 @@ def test_exported_labels_score_one_against_themselves(tmp_path: Path) -> None:
     assert all(score.value == 1.0 for score in scores)
 
 
+def test_undecided_labels_are_regions_of_no_track(tmp_path: Path) -> None:
+    labels = [
+        label_row("0000", 0, "p", 0.9, track_id="t", **box(0, 10)),
+        label_row("0000", 0, "i", 0.5, state="ignore", track_id="t", **box(0, 10)),
+        label_row(
+            "0000", 0, "behind", 0.4, state="ignore", **(box(0, 10) | NO_BOX | {"z_m": -9.0})
+        ),
+    ]
+    card = export(store_of(labels), "s1", tmp_path / "keep")
+    _, ignored = (tmp_path / "keep/label_02/0000.txt").read_text().splitlines()
+    assert ignored == (
+        "0 -1 DontCare -1 -1 -10 530.000000 180.000000 670.000000 320.000000 "
+        "-1 -1 -1 -1000 -1000 -1000 -10 -1"
+    )
+    assert (card.labels, card.ignored) == (1, 1)
+    card = export(store_of(labels), "s1", tmp_path / "drop", ExportOptions(ignore="drop"))
+    assert [row["type"] for row in parse(tmp_path / "drop/label_02/0000.txt")] == ["Car"]
+    assert card.ignored == 0
+
+
+def test_a_condition_leaves_tracks_their_labels(tmp_path: Path) -> None:
+    labels = [
+        label_row("0000", n, f"p{n}", 0.5 + n / 10, track_id="t", **box(0, 10)) for n in range(3)
+    ]
+    export(store_of(labels), "s1", tmp_path, ExportOptions(where="score > 0.55"))
+    rows = parse(tmp_path / "label_02" / "0000.txt")
+    assert [(row["frame"], row["track"]) for row in rows] == [(1, 0), (2, 0)]
+
+
 def test_folder_that_is_not_empty(tmp_path: Path) -> None:
     store = store_of([label_row("0000", 0, "p", 0.9, **box(0, 10))])
     export(store, "s1", tmp_path)
