@@ -48,3 +48,7 @@ class MissingEvidenceError(TcrdataError):
 
 class EvidenceError(TcrdataError):
     """A cue cannot be measured on a sequence."""
+
+
+class TrainingError(TcrdataError):
+    """A training cannot go on: its loss is not a number."""

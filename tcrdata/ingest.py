@@ -85,7 +85,7 @@ def frames_of(store: Store, dataset: str, sequence: str) -> Iterator[Frame]:
     points = dict(_path_pairs(tables.read("sweeps"), "path"))
     for row in tables.read("frames").to_pylist():
         if row["status"] == "ok":
-            yield _frame_of_row(row, paths.get(row["frame"]), points.get(row["frame"]))
+            yield frame_of_row(row, paths.get(row["frame"]), points.get(row["frame"]))
 
 
 def _path_pairs(table: Any, column: str) -> Iterator[tuple[int, str | None]]:
@@ -93,7 +93,8 @@ def _path_pairs(table: Any, column: str) -> Iterator[tuple[int, str | None]]:
         yield frame, value["path"] if isinstance(value, dict) else value
 
 
-def _frame_of_row(row: dict[str, Any], image: str | None, points: str | None) -> Frame:
+def frame_of_row(row: dict[str, Any], image: str | None, points: str | None) -> Frame:
+    """Return the frame that a row of `frames` and the paths of its files stand for."""
     camera = None
     if row["projection"] is not None and row["width_px"] is not None:
         camera = Camera(_matrix(row["projection"], 3), row["width_px"], row["height_px"])

@@ -80,3 +80,22 @@ def detection_losses(
             value = weighted_l1(output, target, moving if name == "direction" else box)
         losses[name] = TERM_WEIGHTS[name] * value
     return losses
+
+
+def objectness_losses(
+    outputs: Mapping[str, torch.Tensor], targets: Mapping[str, torch.Tensor]
+) -> dict[str, torch.Tensor]:
+    """Return a segmenter's loss: eq. 8 over the pixels that are labelled.
+
+    Args:
+        outputs: `objectness`, (B, 1, H, W) logits.
+        targets: `objectness` and `objectness_weight`, the same shape.
+    """
+    loss = masked_logistic(
+        outputs["objectness"], targets["objectness"], targets["objectness_weight"]
+    )
+    return {"objectness": loss}
+
+
+OBJECTIVES = {"detector": detection_losses, "segmenter": objectness_losses}
+"""What each kind of network learns from."""

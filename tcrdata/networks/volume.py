@@ -23,6 +23,7 @@ from tcrdata.networks.grids import Region, Sweep, voxel_image
 from tcrdata.types import BoolArray, Float32Array
 
 KIND: Literal["detector"] = "detector"
+NEEDS_COLOURS = True
 COLOUR_CHANNELS = 4
 HEADS = {"center": 1, "offset": 3, "log_size": 3, "heading": HEADING_BINS}
 

@@ -1,0 +1,1 @@
+"""Learning from a store: samples by SQL, augmentation, one training loop, checkpoints."""

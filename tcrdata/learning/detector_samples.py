@@ -1,0 +1,169 @@
+"""Frames to what a detector learns from: an input grid, its targets, and where they are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy import ndimage
+
+from tcrdata import registry
+from tcrdata.errors import SettingsError
+from tcrdata.geometry.boxes import points_in_box
+from tcrdata.geometry.transforms import level_project
+from tcrdata.learning.augmentation import (
+    SweepAugmentation,
+    SweepChange,
+    drawn_change,
+    erased_points,
+)
+from tcrdata.networks.center_targets import LabelBoxes, TargetSettings
+from tcrdata.networks.grids import Region, Sweep
+from tcrdata.types import BoolArray, Float32Array, FloatArray, Frame
+
+BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+NEGATIVES = ("near", "sure", "everywhere")
+
+
+@dataclass(frozen=True)
+class DetectorSamples:
+    """Makes a sample of a row of `queries/training/detector.sql`; picklable.
+
+    Attributes:
+        network: name of the detector.
+        network_settings: its settings.
+        augmentation: of the sweeps.
+        targets: shape of the targets.
+    """
+
+    network: str
+    network_settings: Any
+    augmentation: SweepAugmentation = field(default_factory=SweepAugmentation)
+    targets: TargetSettings = field(default_factory=TargetSettings)
+
+    def __call__(self, row: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+        """Return `input`, the targets of the network, and `key` (which frame it is)."""
+        module = registry.find("networks", self.network)
+        region = self.network_settings.region.coarser(self.network_settings.stride)
+        labels, change = label_boxes(row), drawn_change(self.augmentation, rng)
+        row, xyz = self._kept(row, labels, change, region, rng)
+        labels = change.labels(labels)
+        known = known_background(row, xyz[unsure_points(row, xyz, labels)], labels, region)
+        made = module.targets_of(labels, known, self.network_settings, self.targets)
+        height = row["height_m"].astype(np.float32) * np.float32(change.scale / row["metric_scale"])
+        colours = point_colours(row)
+        sweep = Sweep(xyz, height + np.float32(change.shift_m), row["ground"], colours)
+        key = f"{row['dataset']}/{row['sequence']}/{row['frame']:06d}"
+        return {"input": module.image_of(sweep, self.network_settings), **made, "key": key}
+
+    def _kept(
+        self,
+        row: dict[str, Any],
+        labels: LabelBoxes,
+        change: SweepChange,
+        region: Region,
+        rng: np.random.Generator,
+    ) -> tuple[dict[str, Any], Float32Array]:
+        """Return the row with the points left in the region, and their new places."""
+        own = row["points"] / np.float32(row["metric_scale"])
+        xyz = change.points(own)
+        kept = region.cells(xyz[:, 0], xyz[:, 2])[1]
+        kept &= rng.random(len(xyz), dtype=np.float32) >= change.dropped_share
+        chosen = np.flatnonzero(kept)
+        if self.augmentation.enabled and self.augmentation.erased_px > 0:
+            pixels = projected(row["camera"], row["points"][chosen])
+            gone = erased_points(own[chosen], labels, pixels, self.augmentation, rng)
+            chosen = chosen[~gone]
+        count = len(xyz)
+        arrays = {
+            name: value[chosen]
+            for name, value in row.items()
+            if name != "image" and isinstance(value, np.ndarray) and len(value) == count
+        }
+        return {**row, **arrays}, xyz[chosen].astype(np.float32)
+
+
+def label_boxes(row: dict[str, Any]) -> LabelBoxes:
+    """Return the labels of a row, in metres of a road scene."""
+    listed = row["labels"] or []
+    boxes = np.array([[label[name] for name in BOX] for label in listed], dtype=np.float64)
+    boxes = boxes.reshape(-1, 7)
+    boxes[:, :6] /= row["metric_scale"]
+    positive = np.array([label["positive"] for label in listed], dtype=bool)
+    moving = np.array([label.get("moving", False) for label in listed], dtype=bool)
+    return LabelBoxes(boxes, positive, moving)
+
+
+def projected(frame: Frame, xyz: Float32Array) -> FloatArray:
+    """Return (N, 2) pixels of points; NaN where the camera does not see them."""
+    pixels = np.full((len(xyz), 2), np.nan)
+    if frame.level_projection is None or frame.camera is None:
+        return pixels
+    ahead = np.flatnonzero(xyz[:, 2] > 0)
+    found, depth = level_project(frame.level_projection, xyz[ahead])
+    u, v = found.T
+    seen = (depth > 0) & (u >= 0) & (u < frame.camera.width_px)
+    seen &= (v >= 0) & (v < frame.camera.height_px)
+    pixels[ahead[seen]] = found[seen]
+    return pixels
+
+
+def point_colours(row: dict[str, Any]) -> Float32Array:
+    """Return (N, 3) colours in [0, 1] of the points' pixels; zeros where there are none."""
+    colours = np.zeros((len(row["points"]), 3), dtype=np.float32)
+    if row.get("image") is not None:
+        pixels = projected(row["camera"], row["points"])
+        seen = np.isfinite(pixels[:, 0])
+        column, line = pixels[seen].astype(np.int64).T
+        colours[seen] = row["image"][line, column] / np.float32(255)
+    return colours
+
+
+def unsure_points(row: dict[str, Any], xyz: Float32Array, labels: LabelBoxes) -> BoolArray:
+    """Return (N,) which points may belong to an object nobody has labelled.
+
+    Those are not ground, not surely static by the row's bound, and in no positive label.
+    """
+    static = row["votes_static"]
+    surely = (static >= row["least_static_votes"]) & (static > row["votes_free"])
+    unsure = np.asarray(~row["ground"] & ~surely)
+    for box in labels.boxes[labels.positive]:
+        unsure[points_in_box(xyz, box, 0.3)] = False
+    return unsure
+
+
+def known_background(
+    row: dict[str, Any], unsure_xyz: Float32Array, labels: LabelBoxes, region: Region
+) -> BoolArray:
+    """Return (rows, columns) where no object has its centre, by the row's kind of negatives.
+
+    Args:
+        row: has `negatives`, `near_m` and `unsure_reach_m`.
+        unsure_xyz: (N, 3) points that may belong to an unlabelled object.
+        labels: of the frame.
+        region: the ground covered, in output cells.
+
+    Raises:
+        SettingsError: there are no such negatives.
+    """
+    kind = row["negatives"]
+    if kind not in NEGATIVES:
+        raise SettingsError(f"negatives is '{kind}': choose one of {', '.join(NEGATIVES)}")
+    shape = (region.rows, region.columns)
+    if kind == "everywhere":
+        return np.ones(shape, dtype=bool)
+    x, z = region.centers()
+    known = np.zeros(shape, dtype=bool)
+    for box in labels.boxes[labels.positive]:
+        reach = np.hypot(box[3], box[4]) / 2 + row["near_m"]
+        known |= np.hypot(x[None] - box[0], z[:, None] - box[2]) <= reach
+    if kind == "near":
+        return known
+    cells, inside = region.cells(unsure_xyz[:, 0], unsure_xyz[:, 2])
+    free = np.ones(region.rows * region.columns, dtype=bool)
+    free[cells[inside]] = False
+    if free.all():
+        return np.ones(shape, dtype=bool)
+    distance = ndimage.distance_transform_edt(free.reshape(shape)) * region.cell_m
+    return np.asarray(known | (distance > row["unsure_reach_m"]))

@@ -1,0 +1,116 @@
+"""Samples in a shuffled order that is the same however many processes load them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from torch.utils.data import IterableDataset, get_worker_info
+
+from tcrdata.learning.frames import Frames, open_frames
+from tcrdata.store import open_store
+
+Transform = Callable[[dict[str, Any], np.random.Generator], dict[str, Any]]
+
+
+class FrameStream(IterableDataset[dict[str, Any]]):
+    """Frames in an order shuffled anew each epoch, endless unless `epochs` bounds it.
+
+    Every sample holds its `position`; a stream with `start=position + 1` goes on right behind it.
+    With `DataLoader(stream, batch_size=None)` samples come in the same order whatever the number
+    of workers; ranks take every `world_size`-th position.
+    """
+
+    def __init__(
+        self,
+        frames: Frames,
+        *,
+        seed: int = 0,
+        start: int = 0,
+        epochs: int | None = 1,
+        shuffle: bool = True,
+        rank: int = 0,
+        world_size: int = 1,
+        transform: Transform | None = None,
+    ) -> None:
+        """Read nothing yet.
+
+        Args:
+            frames: what to stream.
+            seed: of the order, and with the position of the transform's random numbers.
+            start: first position; all ranks together count positions from 0.
+            epochs: passes over the frames; None never ends.
+            shuffle: whether to shuffle; else the query's order.
+            rank: of this process.
+            world_size: number of such processes.
+            transform: makes of each frame what is yielded; gets random numbers of its own.
+        """
+        super().__init__()
+        self.frames = frames
+        self.seed = seed
+        self.start = start
+        self.epochs = epochs
+        self.shuffle = shuffle
+        self.rank = rank
+        self.world_size = world_size
+        self.transform = transform
+
+    def __len__(self) -> int:
+        """Samples left for this rank, over all epochs; endless streams have no length."""
+        if self.epochs is None:
+            raise TypeError("an endless stream has no length")
+        left = max(len(self.frames) * self.epochs - self.start - self.rank, 0)
+        return -(-left // self.world_size)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Yield samples; see the class."""
+        worker = get_worker_info()
+        workers, number = (worker.num_workers, worker.id) if worker else (1, 0)
+        position = self.start + number * self.world_size + self.rank
+        end = None if self.epochs is None else len(self.frames) * self.epochs
+        epoch, order = -1, np.empty(0, np.int64)
+        while end is None or position < end:
+            if position // len(self.frames) != epoch:
+                epoch = position // len(self.frames)
+                order = self._order(epoch)
+            yield self.sample(int(order[position % len(self.frames)]), position)
+            position += workers * self.world_size
+
+    def sample(self, number: int, position: int) -> dict[str, Any]:
+        """Return one frame as it is streamed at a position."""
+        sample = self.frames[number]
+        if self.transform is not None:
+            sample = self.transform(sample, np.random.default_rng([self.seed, position]))
+        return {**sample, "position": position}
+
+    def _order(self, epoch: int) -> Any:
+        if not self.shuffle:
+            return np.arange(len(self.frames))
+        return np.random.default_rng([self.seed, epoch, 1]).permutation(len(self.frames))
+
+
+def torch_dataset(
+    store: str,
+    query: str,
+    *,
+    snapshot: str | None = None,
+    parameters: Mapping[str, Any] | None = None,
+    **stream: Any,
+) -> FrameStream:
+    """Return the frames of a query as a torch IterableDataset.
+
+    Args:
+        store: folder or URL of the store.
+        query: name of a file of `queries/training/`, a path, or SQL: one row a frame, with the
+            columns dataset, sequence and frame; its `-- reads:` line names what is read for each.
+        snapshot: a frozen list of files; those of this moment when None.
+        parameters: values of the query's variables.
+        **stream: seed, start, epochs, shuffle, rank, world_size and transform of `FrameStream`.
+
+    Raises:
+        TcrdataError: the store, the query or the snapshot is not there, or no frame comes of it.
+    """
+    opened = open_store(store)
+    frames = open_frames(opened, query, snapshot=snapshot, parameters=parameters)
+    return FrameStream(frames, **stream)

@@ -1,0 +1,175 @@
+"""Frames of a query: in one order whatever loads them, and from any sample on."""
+
+from __future__ import annotations
+
+import pickle
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from learnt_worlds import SELECTION, learnt_world, select_by_hand
+from torch.utils.data import DataLoader
+
+import tcrdata
+from tcrdata.errors import MissingEvidenceError, QueryError, SettingsError, StoreError
+from tcrdata.learning.frames import freeze_training_tables, open_frames
+from tcrdata.learning.stream import FrameStream
+from tcrdata.store import Store
+
+KEYS = "-- reads: points\nselect dataset, sequence, frame from frames order by frame"
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
+    return learnt_world(tmp_path_factory.mktemp("world"))
+
+
+def frames_in(samples: Any) -> list[int]:
+    return [sample["frame"] for sample in samples]
+
+
+def test_a_sample_is_a_row_with_what_the_query_reads(store: Store) -> None:
+    stream = tcrdata.torch_dataset(store.url, "segmenter", parameters={"selection_id": SELECTION})
+    assert len(stream) == 5
+    sample = next(iter(stream))
+    assert sample["image"].shape == (48, 160, 3)
+    count = len(sample["points"])
+    assert sample["points"].shape == (count, 3)
+    for cue in ("ground", "height_m", "votes_free", "votes_static", "reflectance"):
+        assert len(sample[cue]) == count
+    assert {label["positive"] for label in sample["labels"]} == {True, False}
+    assert sample["camera"].frame == sample["frame"]
+    assert sample["position"] == 0
+
+
+def test_an_epoch_holds_every_frame_once_in_an_order_of_its_own(store: Store) -> None:
+    stream = FrameStream(open_frames(store, KEYS), seed=3, epochs=3)
+    listed = frames_in(stream)
+    assert len(listed) == len(stream) == 15
+    epochs = [listed[i : i + 5] for i in (0, 5, 10)]
+    assert all(sorted(epoch) == list(range(5)) for epoch in epochs)
+    assert len({tuple(epoch) for epoch in epochs}) > 1
+    assert listed == frames_in(FrameStream(open_frames(store, KEYS), seed=3, epochs=3))
+    assert listed != frames_in(FrameStream(open_frames(store, KEYS), seed=4, epochs=3))
+
+
+def test_it_resumes_in_the_middle_of_an_epoch_at_the_very_sample(store: Store) -> None:
+    frames = open_frames(store, KEYS)
+    whole = list(FrameStream(frames, seed=1, epochs=2))
+    rest = list(FrameStream(frames, seed=1, epochs=2, start=whole[6]["position"] + 1))
+    assert frames_in(rest) == frames_in(whole)[7:]
+
+
+@pytest.mark.parametrize("workers", [0, 1, 2])
+def test_the_order_is_that_of_one_process_whatever_the_number_of_workers(
+    store: Store, workers: int
+) -> None:
+    stream = FrameStream(open_frames(store, KEYS), seed=2, epochs=2)
+    loader = DataLoader(
+        stream,
+        batch_size=None,
+        num_workers=workers,
+        multiprocessing_context="fork" if workers else None,
+    )
+    assert frames_in(loader) == frames_in(stream)
+
+
+def test_ranks_share_the_frames_without_overlap(store: Store) -> None:
+    frames = open_frames(store, KEYS)
+    whole = list(FrameStream(frames, seed=2, epochs=2))
+    halves = [list(FrameStream(frames, seed=2, epochs=2, rank=r, world_size=2)) for r in (0, 1)]
+    assert [len(FrameStream(frames, epochs=2, rank=r, world_size=2)) for r in (0, 1)] == [5, 5]
+    positions = sorted(sample["position"] for half in halves for sample in half)
+    assert positions == [sample["position"] for sample in whole]
+    assert frames_in(halves[1]) == frames_in(whole)[1::2]
+
+
+def test_random_numbers_belong_to_the_position_not_to_the_process(store: Store) -> None:
+    frames = open_frames(store, KEYS)
+    stream = FrameStream(frames, seed=2, transform=draw)
+    numbers = [sample["number"] for sample in stream]
+    assert len(set(numbers)) == 5
+    late = FrameStream(frames, seed=2, start=3, transform=draw)
+    assert [sample["number"] for sample in late] == numbers[3:]
+
+
+def draw(sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    return {"number": float(rng.random())}
+
+
+def test_an_endless_stream_goes_on(store: Store) -> None:
+    stream = FrameStream(open_frames(store, KEYS), epochs=None)
+    assert len(list(islice(stream, 12))) == 12
+    with pytest.raises(TypeError, match="no length"):
+        len(stream)
+
+
+def test_frames_travel_to_other_processes_as_names_alone(store: Store) -> None:
+    frames = open_frames(store, KEYS)
+    frames[0]
+    again = pickle.loads(pickle.dumps(frames))
+    assert len(pickle.dumps(frames)) < 1000
+    assert np.array_equal(again[2]["points"], frames[2]["points"])
+
+
+def test_what_lands_later_is_not_in_the_snapshot(tmp_path: Path) -> None:
+    store = learnt_world(tmp_path)
+    snapshot = freeze_training_tables(store)
+    before = open_frames(store, "detector", snapshot=snapshot)[0]["labels"]
+    select_by_hand(store, "s2", [])
+    rows = store.read("labels", selection_id=SELECTION).to_pylist()
+    select_by_hand(store, "s3", rows)
+    assert open_frames(store, "detector", snapshot=snapshot)[0]["labels"] == before
+    assert len(open_frames(store, "detector")[0]["labels"]) == 2 * len(before)
+
+
+def test_ground_truth_cannot_be_read(store: Store) -> None:
+    assert store.read("ground_truth").num_rows > 0
+    with pytest.raises(QueryError, match="ground_truth"):
+        open_frames(store, "select dataset, sequence, frame from ground_truth")
+
+
+@pytest.mark.parametrize(
+    ("query", "message"),
+    [
+        ("select dataset, sequence from frames", "lacks the column frame"),
+        ("select nonsense from frames", "nonsense"),
+        ("select dataset sequence frame from", "syntax error"),
+    ],
+)
+def test_a_wrong_query_is_named(store: Store, query: str, message: str) -> None:
+    with pytest.raises(QueryError, match=message):
+        tcrdata.torch_dataset(store.url, query)
+
+
+def test_an_unknown_query_says_which_there_are(store: Store) -> None:
+    with pytest.raises(SettingsError, match="detector, segmenter"):
+        tcrdata.torch_dataset(store.url, "detectors")
+
+
+def test_an_unknown_parameter_says_which_there_are(store: Store) -> None:
+    with pytest.raises(SettingsError, match=r"no parameter 'nearness'.*near_m"):
+        open_frames(store, "detector", parameters={"nearness": 3})
+
+
+def test_a_parameter_keeps_its_type(store: Store) -> None:
+    with pytest.raises(SettingsError, match="near_m must be a decimal"):
+        open_frames(store, "detector", parameters={"near_m": "wide"})
+
+
+def test_no_frame_is_an_error_that_says_so(store: Store) -> None:
+    with pytest.raises(MissingEvidenceError, match="gives no frame"):
+        open_frames(store, "detector", parameters={"selection_id": "nobody"})
+
+
+def test_an_unknown_snapshot_is_named(store: Store) -> None:
+    with pytest.raises(StoreError, match="no snapshot 'monday'"):
+        tcrdata.torch_dataset(store.url, KEYS, snapshot="monday")
+
+
+def test_a_cue_nobody_measured_is_named(store: Store) -> None:
+    frames = open_frames(store, KEYS.replace("points", "motion_3d_m"))
+    with pytest.raises(MissingEvidenceError, match=r"frame 0: no cue 'motion_3d_m'"):
+        frames[0]
