@@ -3,102 +3,118 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
-from typing import Any
 
 import duckdb
 
 from tcrdata.rules import Rule
 from tcrdata.rules.binding import EVIDENCE_TABLES, KEY_COLUMNS
-from tcrdata.rules.judging import scoped
+from tcrdata.rules.scopes import scoped
 from tcrdata.store import schemas
 
 _DIGITS = 3
 _NUMBERS = ("DOUBLE", "INTEGER")
+_TRIED = "tried_"  # before a table's name: what of it concerns the proposal, in memory
+
+
+def hold_ready(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> None:
+    """Copy into memory what `passing_value` tries rules on.
+
+    Args:
+        connection: views of one drive's evidence that the selection read.
+        proposal_id: the proposal.
+    """
+    for table in EVIDENCE_TABLES:
+        own = "where proposal_id = $1" if _has_id(table) else ""
+        connection.execute(
+            f"create or replace temp table {_TRIED}{table} as select * from {table} {own}",
+            [proposal_id] if own else [],
+        )
 
 
 def passing_value(
     connection: duckdb.DuckDBPyConnection,
     rule: Rule,
     literals: Mapping[str, str],
-    proposal_id: str,
     measured: float | None,
 ) -> tuple[str, str] | None:
     """Return the parameter, and its value nearest to the present one, with which the rule passes.
 
-    What the rule measured and the columns of the proposal that it reads are tried as values, and
-    numbers of few digits beside them; the rule itself says which of them pass.
+    Tried are what the rule measured, then the columns of the proposal that it reads, and numbers of
+    few digits beside them, which go first; the rule itself says which of them pass.
 
     Args:
-        connection: views of the evidence that the selection read.
+        connection: made ready by `hold_ready`.
         rule: that stops the proposal.
         literals: parameter to its literal in the selection.
-        proposal_id: the proposal.
         measured: the rule's value; None when it has none.
 
     Returns:
         Parameter and value; None when no number of one parameter alone does it.
     """
-    row = _row(connection, proposal_id)
-    scale = float(row["metric_scale"])
-    read = [
-        row[name]
+    numbers = [parameter for parameter in rule.parameters if parameter.kind == "number"]
+    values = _values(connection, rule, measured)
+    if not numbers or not values:
+        return None
+    relations = {table: _TRIED + table for table in rule.reads.tables}
+    branches = []
+    for parameter in numbers:
+        # The value stands where the parameter stood: one query tries them all.
+        verdict = rule.select({**literals, parameter.name: "tried_values.tried_value"})
+        present = literals.get(parameter.name, parameter.literal)
+        branches.append(
+            f"select '{parameter.name}' as parameter, tried_values.*, "
+            f"abs(tried_value - {present}) / greatest(abs({present}), 1e-9) as change "
+            f"from tried_values, lateral ({scoped(verdict, rule.reads.tables, relations)}) "
+            "where passed"
+        )
+    rows = connection.execute(
+        f"with tried_values(text, tried_value, place, few_digits) as (values {', '.join(values)}) "
+        "select parameter, text from (" + "\nunion all\n".join(branches) + ") "
+        "order by place, not few_digits, change, parameter, text limit 1"
+    ).fetchall()
+    return (str(rows[0][0]), str(rows[0][1])) if rows else None
+
+
+def _values(connection: duckdb.DuckDBPyConnection, rule: Rule, measured: float | None) -> list[str]:
+    """Rows of values to try: text, number, 1 for the measured one, whether it has few digits."""
+    scale, read = _columns_read(connection, rule)
+    places: dict[Decimal, int] = {}
+    for place, numbers in enumerate(([measured], read), start=1):
+        for number in numbers:
+            if number is not None and math.isfinite(number):
+                for exact in (Decimal(repr(float(number))), Decimal(repr(float(number) / scale))):
+                    for value in (exact, *_beside(exact)):
+                        places.setdefault(value.normalize() + 0, place)
+    return [
+        f"('{value:f}', {value:f}::double, {place}, {len(value.as_tuple().digits) <= _DIGITS})"
+        for value, place in places.items()
+    ]
+
+
+def _has_id(table: str) -> bool:
+    return "proposal_id" in schemas.arrow_schema(table).names
+
+
+def _columns_read(
+    connection: duckdb.DuckDBPyConnection, rule: Rule
+) -> tuple[float, Sequence[float | None]]:
+    """The drive's scale, and the proposal's numbers that the rule reads."""
+    names = [
+        name
         for name, kind, _ in schemas.columns("proposals")
         if name in rule.reads.columns and name not in KEY_COLUMNS and kind.upper() in _NUMBERS
     ]
-    for numbers in ([measured], read):
-        values = sorted({v for number in numbers for v in _near(number, scale)})
-        found = _nearest_passing(connection, rule, literals, proposal_id, values)
-        if found is not None:
-            return found
-    return None
+    row = connection.execute(
+        f"select {', '.join(['metric_scale', *names])} from {_TRIED}proposals"
+    ).fetchall()[0]
+    return float(row[0]), row[1:]
 
 
-def _row(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> dict[str, Any]:
-    rows = connection.sql("from proposals where proposal_id = $id", params={"id": proposal_id})
-    return dict(rows.to_arrow_table().to_pylist()[0])
-
-
-def _near(number: float | None, scale: float) -> Iterable[Decimal]:
-    """A number as it is and by the drive's scale, and numbers of three digits on both sides."""
-    if number is None or not math.isfinite(number):
-        return
-    for exact in (Decimal(repr(float(number))), Decimal(repr(float(number) / scale))):
-        place = exact.adjusted() if exact else 0
-        step = Decimal(1).scaleb(place - _DIGITS + 1)
-        down = (exact / step).to_integral_value("ROUND_FLOOR") * step
-        up = (exact / step).to_integral_value("ROUND_CEILING") * step
-        yield from (exact, down, up, down - step, up + step)
-
-
-def _nearest_passing(
-    connection: duckdb.DuckDBPyConnection,
-    rule: Rule,
-    literals: Mapping[str, str],
-    proposal_id: str,
-    values: list[Decimal],
-) -> tuple[str, str] | None:
-    """Of values of parameters the one that passes and changes least, short ones first."""
-    one = {t: t for t in EVIDENCE_TABLES}
-    one["proposals"] = "proposals where proposal_id = $id"
-    branches = []
-    for parameter in rule.parameters:
-        present = literals.get(parameter.name, parameter.literal)
-        for value in values if parameter.kind == "number" else ():
-            text = format(value.normalize() + 0, "f")
-            changed = rule.select({**literals, parameter.name: text})
-            few = len(value.normalize().as_tuple().digits) <= _DIGITS
-            branches.append(
-                f"select '{parameter.name}' as parameter, '{text}' as value, {few} as short, "
-                f"abs({text} - {present}::double) / greatest(abs({present}), 1e-9) as change "
-                f"from ({scoped(changed, rule.reads.tables, one)}) where passed"
-            )
-    if not branches:
-        return None
-    rows = connection.execute(
-        "select parameter, value from (" + "\nunion all\n".join(branches) + ") "
-        "order by not short, change, parameter limit 1",
-        {"id": proposal_id},
-    ).fetchall()
-    return (str(rows[0][0]), str(rows[0][1])) if rows else None
+def _beside(number: Decimal) -> tuple[Decimal, ...]:
+    """Numbers of three digits on both sides of a number."""
+    step = Decimal(1).scaleb((number.adjusted() if number else 0) - _DIGITS + 1)
+    down = (number / step).to_integral_value("ROUND_FLOOR") * step
+    up = (number / step).to_integral_value("ROUND_CEILING") * step
+    return (down, up, down - step, up + step)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
-from tcrdata.rules.judging import scoped
+from tcrdata.rules.scopes import scoped
 from tcrdata.rules.verdicts import verdicts_select
 
 if TYPE_CHECKING:

@@ -2,23 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import duckdb
 import pyarrow as pa
 
 from tcrdata.errors import RuleError
-from tcrdata.resources import resource_folder
+from tcrdata.rules.choosing import choose, labels_of, no_labels
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
+from tcrdata.rules.scopes import Relations, count, run_sql, scoped
 from tcrdata.store import schemas
 
-Relations = Mapping[str, str]
-"""Evidence table to the SQL that stands for it behind `from`."""
-
 _BITS = 62  # verdicts that fit into a bigint
-_IN_HAND = ("survivors", "remaining", "verdicts", "chosen", "accepted", "acceptable")
+_IN_HAND = ("survivors", "remaining", "verdicts", "chosen", "candidates")
+_BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")  # what tells whether boxes share a place
 
 
 @dataclass(frozen=True)
@@ -32,14 +31,6 @@ class Judgement:
 
     judged: int
     labels: pa.Table
-
-
-def scoped(select: str, tables: tuple[str, ...], relations: Relations) -> str:
-    """A select that reads these relations under the names of the tables."""
-    scope = ",\n".join(
-        f"{table} as not materialized (select * from {relations[table]})" for table in tables
-    )
-    return f"with {scope}\nselect * from (\n{select}\n)" if scope else select
 
 
 def judge(
@@ -58,42 +49,69 @@ def judge(
     """
     presets = (preset, *preset.alternatives)
     panel = seats(presets)
-    columns = ", ".join(_columns(presets))
-    everybody = (1 << len(presets)) - 1
-    wide = "hugeint" if len(panel) > _BITS else "bigint"
-    before = (
-        f"(select {columns}, 0::{wide} as carried, {everybody}::bigint as alive "
-        f"from {relations['proposals']})"
-    )
-    judged = left = _count(connection, before)
+    judged = count(connection, relations["proposals"])
+    relations = _of_sources(connection, presets, panel, relations)
+    before = _everybody(presets, panel, _columns(presets), relations)
+    left = count(connection, before)
     for run in runs(panel):
         if left:
             left = _keep_survivors(connection, run, before, left, relations)
-            relations = _of_sources(connection, relations) if before != "survivors" else relations
             before = "survivors"
     if left:
-        _accept(connection, presets, panel, relations)
-    labels = _labels(connection, with_ignored=len(presets) > 1) if left else _no_labels()
+        choose(connection, presets, relations)
+    labels = labels_of(connection, presets, panel, relations) if left else no_labels()
     for table in _IN_HAND:
         connection.execute(f"drop table if exists {table}")
     return Judgement(judged, labels)
 
 
-def _columns(presets: Sequence[FilledPreset]) -> list[str]:
-    """Columns of `proposals` that the rules or the presets' selects read, and `source`."""
+def _everybody(
+    presets: Sequence[FilledPreset],
+    panel: Sequence[Seat],
+    columns: Collection[str],
+    relations: Relations,
+) -> str:
+    """SQL of the proposals before the first rule, with these columns.
+
+    `carried` has a bit for each rule that passed, `alive` one for each preset that none failed.
+    """
+    read = ", ".join(name for name, *_ in schemas.columns("proposals") if name in columns)
+    wide = "hugeint" if len(panel) > _BITS else "bigint"
+    return (
+        f"(select {read}, 0::{wide} as carried, {(1 << len(presets)) - 1}::bigint as alive "
+        f"from {relations['proposals']})"
+    )
+
+
+def _columns(presets: Sequence[FilledPreset]) -> set[str]:
+    """Columns of `proposals` that the rules or the presets' selects read, or a place takes."""
     reads = [r for p in presets for r in (p.reads, *(rule.reads for rule in p.rules))]
     read = {"source", *(name for r in reads for name in r.columns)}
-    return [name for name, *_ in schemas.columns("proposals") if name in read]
+    return read | set(_BOX) if len(presets) > 1 else read
 
 
-def _of_sources(connection: duckdb.DuckDBPyConnection, relations: Relations) -> Relations:
-    """Relations without what belongs to proposals of other sources than the survivors'.
+def _of_sources(
+    connection: duckdb.DuckDBPyConnection,
+    presets: Sequence[FilledPreset],
+    panel: Sequence[Seat],
+    relations: Relations,
+) -> Relations:
+    """Relations without the sources of which the presets' opening rules let nothing through.
 
-    Files hold one source each: those of the others need not be read again.
+    A file holds one source: those of the others are not read.
     """
-    rows = connection.execute("select distinct source from survivors order by source").fetchall()
-    listed = ", ".join("'" + source.replace("'", "''") + "'" for (source,) in rows) or "null"
-    kept = f"source in ({listed})"
+    texts = {preset.rules[0].select for preset in presets}
+    opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
+    columns = {"source", *(name for seat in opening for name in seat.rule.reads.columns)}
+    nameless = f"(select * replace ('' as proposal_id) from {relations['proposals']})"
+    after = _everybody(presets, panel, columns, {"proposals": nameless})
+    for seat in opening:
+        after = _after(seat, f"({_with_rows(seat, after, relations)})")
+    what = "rule " + " or ".join(seat.rule.name for seat in opening)
+    sql = f"select distinct source from {after} where alive <> 0 order by 1"
+    rows = run_sql(connection, sql, what).fetchall()
+    listed = ["'" + source.replace("'", "''") + "'" for (source,) in rows]
+    kept = f"source in ({', '.join(listed) or 'null'})"
     return {
         **relations,
         "proposals": f"(select * from {relations['proposals']} where {kept})",
@@ -110,26 +128,26 @@ def _keep_survivors(
 ) -> int:
     """Replace the survivors by those that these rules let pass; return how many."""
     what = "rule " + " or ".join(seat.rule.name for seat in run)
-    passing = before
+    after = before
     for seat in run:
         if seat.streams:
-            passing = _passing(seat, f"({_with_rows(seat, passing, relations)})")
+            after = _after(seat, f"({_with_rows(seat, after, relations)})")
         else:
             _judge_once(connection, seat, before, rows_before, relations)
-            passing = _passing(seat, "verdicts")
-    _run(connection, f"create or replace temp table remaining as from {passing}", what)
+            after = _after(seat, "verdicts")
+    sql = f"create or replace temp table remaining as from {after} where alive <> 0"
+    run_sql(connection, sql, what)
     connection.execute("drop table if exists survivors")
     connection.execute("alter table remaining rename to survivors")
-    return _count(connection, "survivors")
+    return count(connection, "survivors")
 
 
-def _passing(seat: Seat, verdicts: str) -> str:
-    """SQL of the rows that some preset still takes after a rule, of its (kept, passed)."""
+def _after(seat: Seat, verdicts: str) -> str:
+    """SQL of the rows after a rule, of its (kept, passed)."""
     return (
         "(select kept.* replace ("
         f"kept.carried | case when passed then {1 << seat.number} else 0 end as carried, "
-        f"{seat.alive_after('kept.alive')} as alive) from {verdicts} "
-        f"where {seat.alive_after('kept.alive')} <> 0)"
+        f"{seat.alive_after('kept.alive')} as alive) from {verdicts})"
     )
 
 
@@ -143,8 +161,8 @@ def _judge_once(
     """Make the table `verdicts` (kept, passed) of a rule that joins; it gives a row each."""
     what = f"rule {seat.rule.name}"
     verdicts = (_with_rows if seat.rule.reads.passes_id else _joined)(seat, before, relations)
-    _run(connection, f"create or replace temp table verdicts as from ({verdicts})", what)
-    rows = _count(connection, "verdicts")
+    run_sql(connection, f"create or replace temp table verdicts as from ({verdicts})", what)
+    rows = count(connection, "verdicts")
     if rows != rows_before:
         raise RuleError(
             f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
@@ -172,98 +190,3 @@ def _joined(seat: Seat, before: str, relations: Relations) -> str:
         f"select s as kept, v.passed from ({verdicts}\n) v "
         f"join {before} s on s.proposal_id = v.proposal_id"
     )
-
-
-def _accept(
-    connection: duckdb.DuckDBPyConnection,
-    presets: Sequence[FilledPreset],
-    panel: Sequence[Seat],
-    relations: Relations,
-) -> None:
-    """Make the tables `accepted`, and of the alternatives `acceptable`, with a label's columns."""
-    for place, preset in enumerate(presets):
-        _choose(connection, preset, f"(from survivors where alive & {1 << place} <> 0)", relations)
-        because = f"'{preset.name}'" if place else None
-        rows = (
-            f"select {_label_columns(panel, preset, because)}, {place} as place "
-            f"from {relations['proposals']} p join chosen c using (proposal_id) "
-            "join survivors s using (proposal_id)"
-        )
-        if place < 2:
-            table = "acceptable" if place else "accepted"
-            connection.execute(f"create or replace temp table {table} as {rows}")
-        else:
-            connection.execute(f"insert into acceptable {rows}")
-
-
-def _choose(
-    connection: duckdb.DuckDBPyConnection,
-    preset: FilledPreset,
-    proposals: str,
-    relations: Relations,
-) -> None:
-    """Run a preset's select over its survivors into the table `chosen`; check what it gives."""
-    select = scoped(preset.select, preset.reads.tables, {**relations, "proposals": proposals})
-    what = f"the select of preset {preset.name}"
-    _run(connection, f"create or replace temp table chosen as from ({select}\n)", what)
-    for wrong, message in (
-        ("group by proposal_id having count(*) > 1", "gives a proposal twice"),
-        (f"anti join {proposals} s using (proposal_id)", "gives a proposal that no rule passed on"),
-        ("where state is null or state not in ('positive', 'ignore')",
-         "gives a state that is neither positive nor ignore"),
-        ("where score is null or not score between 0 and 1", "gives a score outside 0 to 1"),
-    ):  # fmt: skip
-        rows = connection.execute(
-            f"select min(proposal_id) from (select proposal_id from chosen {wrong})"
-        ).fetchall()
-        if rows[0][0] is not None:
-            raise RuleError(f"{what} {message}: {rows[0][0]}")
-
-
-def _label_columns(panel: Sequence[Seat], preset: FilledPreset, because: str | None) -> str:
-    """SQL of a label's columns from proposals p, chosen c and survivors s."""
-    numbers = {seat.rule.select: seat.number for seat in panel}
-    names = ", ".join(
-        f"case when s.carried & {1 << numbers[rule.select]} <> 0 then '{rule.name}' end"
-        for rule in preset.rules
-    )
-    made = {
-        "state": "'ignore'" if because else "c.state",
-        "score": "c.score",
-        "ignored_because": because or "null::varchar",
-        "carried_by": f"[name for name in [{names}] if name is not null]",
-    }
-    return ", ".join(
-        f"{made.get(name, f'p.{name}')} as {name}" for name in _no_labels().column_names
-    )
-
-
-def _labels(connection: duckdb.DuckDBPyConnection, *, with_ignored: bool) -> pa.Table:
-    """The accepted proposals and those left undecided, with all columns of `labels`."""
-    columns = ", ".join(_no_labels().column_names)
-    rows = f"select {columns} from accepted"
-    if with_ignored:
-        path = resource_folder("queries") / "states" / "ignore.sql"
-        rows += f" union all select {columns} from ({path.read_text(encoding='utf-8')}\n)"
-    return connection.sql(
-        f"from ({rows}) order by dataset, sequence, frame, proposal_id"
-    ).to_arrow_table()
-
-
-def _no_labels() -> pa.Table:
-    """An empty table with the columns of `labels` but selection_id."""
-    schema = schemas.arrow_schema("labels")
-    return pa.schema([field for field in schema if field.name != "selection_id"]).empty_table()
-
-
-def _run(connection: duckdb.DuckDBPyConnection, sql: str, what: str) -> duckdb.DuckDBPyConnection:
-    """Run SQL of a rule; an error in it (a cast, say) names the rule."""
-    try:
-        return connection.execute(sql)
-    except duckdb.Error as error:
-        raise RuleError(f"{what} fails on the rows: {' '.join(str(error).split())}") from error
-
-
-def _count(connection: duckdb.DuckDBPyConnection, relation: str) -> int:
-    """Number of rows."""
-    return int(connection.execute(f"select count(*) from {relation}").fetchall()[0][0])

@@ -21,7 +21,7 @@ from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import arrow_schema, is_heavy
 
 ROWS_A_HEAVY_FILE = 512
-_ROWS_A_LIGHT_GROUP = 131072
+ROWS_A_LIGHT_GROUP = 131072
 _OPEN_FILES = 64
 
 
@@ -41,7 +41,7 @@ def parquet_writer(file: Any, table: str) -> pq.ParquetWriter:
 
 def write_rows(writer: pq.ParquetWriter, table: str, rows: pa.Table) -> None:
     """Write rows with the table's row groups."""
-    writer.write_table(rows, row_group_size=1 if is_heavy(table) else _ROWS_A_LIGHT_GROUP)
+    writer.write_table(rows, row_group_size=1 if is_heavy(table) else ROWS_A_LIGHT_GROUP)
 
 
 def light_columns(table: str) -> list[str]:

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from tcrdata.errors import ConflictError, StoreError
 from tcrdata.store.commits import CommitRecord, FileEntry, Unit, dump_json, parse_json
 from tcrdata.store.filesystem import Filesystem, HashingFile, Staging, storage_errors
-from tcrdata.store.parquet import ROWS_A_HEAVY_FILE, parquet_writer, write_rows
+from tcrdata.store.parquet import ROWS_A_HEAVY_FILE, ROWS_A_LIGHT_GROUP, parquet_writer, write_rows
 from tcrdata.store.rows import to_rows
 from tcrdata.store.schemas import is_heavy
 
@@ -19,8 +19,8 @@ from tcrdata.store.schemas import is_heavy
 class Writer:
     """Collects a unit's rows; `Store.writer` opens it and commits at the end of the block.
 
-    Light tables are kept as Arrow rows until then; heavy ones go to a growing file a row at a
-    time, so that memory stays small on the local disk.
+    Rows go to growing files, light ones a row group and heavy ones a row at a time, so that memory
+    stays small on the local disk.
     """
 
     def __init__(self, files: Filesystem, staging: Staging, unit: Unit) -> None:
@@ -28,7 +28,7 @@ class Writer:
         self._files = files
         self._staging = staging
         self._light: dict[str, list[pa.Table]] = {}
-        self._heavy: dict[str, _GrowingFile] = {}
+        self._growing: dict[str, _GrowingFile] = {}
         self._finished: list[tuple[FileEntry, BinaryIO]] = []
         self._rows: dict[str, int] = {}
         self._failed: list[tuple[int, str]] = []
@@ -50,13 +50,25 @@ class Writer:
         rows = to_rows(table, columns, self.unit)
         self._rows[table] = self._rows.get(table, 0) + rows.num_rows
         if not is_heavy(table):
-            self._light.setdefault(table, []).append(rows)
+            self._buffer(table, rows)
             return
         for row in range(rows.num_rows):
-            growing = self._heavy.get(table) or self._grow(table)
+            growing = self._growing.get(table) or self._grow(table)
             growing.write(rows.slice(row, 1))
             if growing.rows == ROWS_A_HEAVY_FILE:
-                self._finish(self._heavy.pop(table))
+                self._finish(self._growing.pop(table))
+
+    def _buffer(self, table: str, rows: pa.Table) -> None:
+        """Keep light rows until they fill a row group: files are cut the same however they come."""
+        waiting = self._light.setdefault(table, [])
+        waiting.append(rows)
+        if sum(part.num_rows for part in waiting) < ROWS_A_LIGHT_GROUP:
+            return
+        gathered = pa.concat_tables(waiting).combine_chunks()
+        growing = self._growing.get(table) or self._grow(table)
+        whole = gathered.num_rows - gathered.num_rows % ROWS_A_LIGHT_GROUP
+        growing.write(gathered.slice(0, whole))
+        self._light[table] = [gathered.slice(whole)]
 
     def error(self, frame: int, message: str) -> None:
         """Keep in the record that a frame could not be done, and why."""
@@ -70,11 +82,13 @@ class Writer:
             StoreError: the disk is full, or a file of the same name is damaged.
         """
         for table in sorted(self._light):
-            growing = self._grow(table)
-            growing.write(pa.concat_tables(self._light[table]).combine_chunks())
-            self._finish(self._heavy.pop(table))
-        for table in sorted(self._heavy):
-            self._finish(self._heavy.pop(table))
+            growing = self._growing.get(table) or self._grow(table)
+            last = pa.concat_tables(self._light[table]).combine_chunks()
+            if last.num_rows or not growing.rows:
+                growing.write(last)
+            self._finish(self._growing.pop(table))
+        for table in sorted(self._growing):
+            self._finish(self._growing.pop(table))
         self._finished.sort(key=lambda pair: pair[0].table)
         for entry, file in self._finished:
             self._publish(entry, file)
@@ -92,14 +106,14 @@ class Writer:
 
     def abandon(self) -> None:
         """Close what is open; its staging removes it."""
-        for growing in self._heavy.values():
+        for growing in self._growing.values():
             growing.abandon()
         for _, file in self._finished:
             file.close()
 
     def _grow(self, table: str) -> _GrowingFile:
         growing = _GrowingFile(table, self._staging.open())
-        self._heavy[table] = growing
+        self._growing[table] = growing
         return growing
 
     def _finish(self, growing: _GrowingFile) -> None:

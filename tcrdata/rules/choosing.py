@@ -1,0 +1,119 @@
+"""What survivors become: labels, and what stays undecided."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import duckdb
+import pyarrow as pa
+
+from tcrdata.errors import RuleError
+from tcrdata.resources import resource_folder
+from tcrdata.rules.panel import Seat
+from tcrdata.rules.presets import FilledPreset
+from tcrdata.rules.scopes import Relations, run_sql, scoped
+from tcrdata.store import schemas
+
+
+def choose(
+    connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset], relations: Relations
+) -> None:
+    """Make the table `chosen`: what each preset's select gives of its own survivors."""
+    connection.execute(
+        "create or replace temp table chosen "
+        "(proposal_id varchar, state varchar, score double, place integer)"
+    )
+    for place, preset in enumerate(presets):
+        own = f"(from survivors where alive & {1 << place} <> 0)"
+        select = scoped(preset.select, preset.reads.tables, {**relations, "proposals": own})
+        what = f"the select of preset {preset.name}"
+        run_sql(connection, f"insert into chosen select *, {place} from ({select}\n)", what)
+        _check_chosen(connection, place, what)
+
+
+def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) -> None:
+    """A preset chooses some of its survivors, each once, with a state and a score that there is."""
+    (wrong,) = connection.execute(
+        f"""
+        select min(proposal_id) filter (times > 1), min(proposal_id) filter (strange),
+               min(proposal_id) filter (no_state), min(proposal_id) filter (no_score)
+        from (
+            select c.proposal_id, count(*) as times,
+                   bool_or(coalesce(s.alive & {1 << place}, 0) = 0) as strange,
+                   bool_or(state is null or state not in ('positive', 'ignore')) as no_state,
+                   bool_or(score is null or not score between 0 and 1) as no_score
+            from chosen c left join survivors s using (proposal_id)
+            where place = {place}
+            group by c.proposal_id
+        )
+        """
+    ).fetchall()
+    messages = (
+        "gives a proposal twice",
+        "gives a proposal that no rule passed on",
+        "gives a state that is neither positive nor ignore",
+        "gives a score outside 0 to 1",
+    )
+    for proposal, message in zip(wrong, messages, strict=True):
+        if proposal is not None:
+            raise RuleError(f"{what} {message}: {proposal}")
+
+
+def labels_of(
+    connection: duckdb.DuckDBPyConnection,
+    presets: Sequence[FilledPreset],
+    panel: Sequence[Seat],
+    relations: Relations,
+) -> pa.Table:
+    """The accepted proposals and those left undecided, with all columns of `labels`."""
+    connection.execute(
+        "create or replace temp table candidates as "
+        "select s.*, c.state, c.score, c.place from chosen c join survivors s using (proposal_id)"
+    )
+    decided = "select proposal_id, state, score, carried, place from candidates where place = 0"
+    if len(presets) > 1:
+        path = resource_folder("queries") / "states" / "ignore.sql"
+        undecided = scoped(
+            path.read_text(encoding="utf-8"),
+            ("accepted", "acceptable"),
+            {
+                "accepted": "(select * from candidates where place = 0)",
+                "acceptable": "(select * from candidates where place > 0)",
+            },
+        )
+        decided += (
+            f" union all select proposal_id, 'ignore', score, carried, place from ({undecided})"
+        )
+    return connection.sql(
+        f"select {_label_columns(presets, panel)} from {relations['proposals']} p "
+        f"join ({decided}) d using (proposal_id) "
+        "order by p.dataset, p.sequence, p.frame, p.proposal_id"
+    ).to_arrow_table()
+
+
+def _label_columns(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:
+    """SQL of a label's columns from proposals p and what was decided d."""
+    numbers = {seat.rule.select: seat.number for seat in panel}
+    carried, because = "case d.place", "case d.place"
+    for place, preset in enumerate(presets):
+        names = ", ".join(
+            f"case when d.carried & {1 << numbers[rule.select]} <> 0 then '{rule.name}' end"
+            for rule in preset.rules
+        )
+        carried += f" when {place} then [{names}]"
+        because += f" when {place} then '{preset.name}'" if place else " when 0 then null"
+    made = {
+        "state": "d.state",
+        "score": "d.score",
+        "ignored_because": f"{because} end",
+        "carried_by": f"list_filter({carried} end, lambda name: name is not null)",
+    }
+    return ", ".join(
+        f"{made.get(name, f'p.{name}')} as {name}" for name in no_labels().column_names
+    )
+
+
+def no_labels() -> pa.Table:
+    """An empty table with the columns of `labels` but selection_id."""
+    schema = schemas.arrow_schema("labels")
+    return pa.schema([field for field in schema if field.name != "selection_id"]).empty_table()

@@ -1,0 +1,35 @@
+"""SQL of rules, run over whatever stands for the tables that they name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import duckdb
+
+from tcrdata.errors import RuleError
+
+Relations = Mapping[str, str]
+"""Evidence table to the SQL that stands for it behind `from`."""
+
+
+def scoped(select: str, tables: tuple[str, ...], relations: Relations) -> str:
+    """A select that reads these relations under the names of the tables."""
+    scope = ",\n".join(
+        f"{table} as not materialized (select * from {relations[table]})" for table in tables
+    )
+    return f"with {scope}\nselect * from (\n{select}\n)" if scope else select
+
+
+def run_sql(
+    connection: duckdb.DuckDBPyConnection, sql: str, what: str
+) -> duckdb.DuckDBPyConnection:
+    """Run SQL of a rule; an error in it (a cast, say) names the rule."""
+    try:
+        return connection.execute(sql)
+    except duckdb.Error as error:
+        raise RuleError(f"{what} fails on the rows: {' '.join(str(error).split())}") from error
+
+
+def count(connection: duckdb.DuckDBPyConnection, relation: str) -> int:
+    """Number of rows."""
+    return int(connection.execute(f"select count(*) from {relation}").fetchall()[0][0])
