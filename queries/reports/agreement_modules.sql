@@ -1,10 +1,15 @@
 -- How modules agree: of the proposals that two modules speak of, how many both are sure of, only one,
 -- none. agreement is the share on which they say the same; lift above 1 says that they are sure
 -- together more often than chance would have it, below 1 that they contradict each other.
+-- The row of a module with itself (other is NULL) says what it covers: asked counts the proposals
+-- that it looked at, both_speak those of which it had evidence.
 set variable sure_confidence = 0.5;  -- confidence in [0, 1]: from here on a module is sure
 
-with modules as (
-    select coalesce(source, '') as source, module from confidences group by all
+with modules as materialized (
+    select coalesce(source, '') as source, module, count(*) as asked, count(confidence) as spoken,
+           count(*) filter (confidence >= getvariable('sure_confidence')) as sure
+    from confidences
+    group by all
 ),
 numbered as (
     select module, 1::bigint << (row_number() over (order by module) - 1) as bit
@@ -12,7 +17,7 @@ numbered as (
 ),
 -- Only where several modules speak of a source are there pairs: the rest need not be grouped by id.
 shared as (
-    select source from modules group by source having count(*) > 1
+    select source from modules where spoken > 0 group by source having count(*) > 1
 ),
 said as (
     select proposal_id, bit_or(bit) as spoke,
@@ -26,7 +31,7 @@ patterns as (
     select spoke, sure, count(*) as proposals from said group by all
 ),
 paired as (
-    select a.module, b.module as other,
+    select a.module, b.module as other, null::bigint as asked,
            sum(proposals)::bigint as both_speak,
            coalesce(sum(proposals) filter (sure & a.bit <> 0 and sure & b.bit <> 0), 0)::bigint
                as both_sure,
@@ -38,10 +43,15 @@ paired as (
     join numbered b on a.module < b.module
     join patterns on spoke & a.bit <> 0 and spoke & b.bit <> 0
     group by all
+    union all
+    select module, null, sum(asked)::bigint, sum(spoken)::bigint, sum(sure)::bigint, 0, 0
+    from modules
+    group by module
 )
 select *, both_speak - both_sure - only_module_sure - only_other_sure as none_sure,
-       (both_sure + none_sure) / both_speak as agreement,
-       both_sure * both_speak
-           / nullif((both_sure + only_module_sure) * (both_sure + only_other_sure), 0) as lift
+       if(other is null, null, (both_sure + none_sure) / both_speak) as agreement,
+       if(other is null, null,
+          both_sure * both_speak
+              / nullif((both_sure + only_module_sure) * (both_sure + only_other_sure), 0)) as lift
 from paired
-order by module, other
+order by other is not null, module, other

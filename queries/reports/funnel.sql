@@ -51,24 +51,28 @@ shared_failures as (
     group by all
 ),
 margins as (
-    select selection_id, place,
-           quantile_cont(margin, [0.1, 0.5]) as percentiles,
-           count(*) filter (blocked = 1::bigint << (place - 1)
-                            and margin between -getvariable('near_margin') and 0) as near
+    select selection_id, place, quantile_cont(margin, [0.1, 0.5]) as percentiles
     from (
-        select selection_id, blocked, unnest(margin) as margin,
-               generate_subscripts(margin, 1) as place
+        select selection_id, unnest(margin) as margin, generate_subscripts(margin, 1) as place
         from judged
     )
     where margin is not null
     group by all
+),
+nearly as (
+    select selection_id, bit_count(blocked - 1) + 1 as place, count(*) as near
+    from judged
+    where bit_count(blocked) = 1
+      and margin[bit_count(blocked - 1) + 1] between -getvariable('near_margin') and 0
+    group by all
 )
 select s.selection_id, s.name as selection, s.place, s.rule, s.required,
-       c.judged, c.passed, c.failed, c.abstained, c.alone, coalesce(m.near, 0) as near,
+       c.judged, c.passed, c.failed, c.abstained, c.alone, coalesce(n.near, 0) as near,
        c.left_over, m.percentiles[1] as margin_p10, m.percentiles[2] as margin_p50,
        coalesce(o.fails_too, map {}) as fails_too
 from steps s
 join counted c using (selection_id, place)
 left join margins m using (selection_id, place)
+left join nearly n using (selection_id, place)
 left join shared_failures o using (selection_id, place)
 order by s.selection_id, s.place

@@ -96,20 +96,17 @@ def _share(row: dict[str, Any], other: dict[str, Any]) -> str:
 
 def _print_agreement(found: Funnel) -> None:
     """What modules cover and how they agree; how selections do."""
-    if found.coverage:
-        names = ("spoken", "sure", "coverage", "of_sources", "sure_share")
-        console.print_table(
-            "modules",
-            ("module", *(name.replace("_", " ") for name in names)),
-            [(row["module"], *(row[name] for name in names)) for row in found.coverage],
-        )
     if found.modules:
         pairs = (*_MODULES, "agreement", "lift")
         console.print_table(
-            "agreement of modules",
-            ("pair", *(name.replace("_", " ") for name in pairs)),
+            "modules, and pairs of modules that speak of the same proposals",
+            ("module", "asked", *(name.replace("_", " ") for name in pairs)),
             [
-                (f"{row['module']}, {row['other']}", *(row[name] for name in pairs))
+                (
+                    f"{row['module']} & {row['other']}" if row["other"] else row["module"],
+                    row["asked"],
+                    *(row[name] for name in pairs),
+                )
                 for row in found.modules
             ],
         )

@@ -18,14 +18,12 @@ class Funnel:
     Attributes:
         selection: its row of `selections`.
         rules: a row a rule, in order.
-        coverage: a row a module.
-        modules: a row a pair of modules that speak of the same proposals.
+        modules: a row a module, then a row a pair of modules that speak of the same proposals.
         selections: a row a selection beside this one.
     """
 
     selection: dict[str, Any]
     rules: list[dict[str, Any]]
-    coverage: list[dict[str, Any]]
     modules: list[dict[str, Any]]
     selections: list[dict[str, Any]]
 
@@ -35,7 +33,6 @@ class Funnel:
         return {
             **{name: self.selection[name] for name in shown},
             "rules": self.rules,
-            "coverage": self.coverage,
             "modules": self.modules,
             "selections": self.selections,
         }
@@ -57,7 +54,6 @@ def funnel(store: Store, selection_id: str) -> Funnel:
     return Funnel(
         selection,
         report_rows(connection, "funnel", one),
-        report_rows(connection, "agreement_coverage"),
         report_rows(connection, "agreement_modules"),
         report_rows(connection, "agreement_selections", one),
     )
