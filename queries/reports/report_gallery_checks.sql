@@ -12,6 +12,7 @@ with asked as (
 )
 select selection_id, proposal_id, place, rules[place] as rule, value[place] as value,
        bound[place] as bound, passed[place] as passed,
-       (blocked >> (place - 1)::integer) & 1 = 1 as fails
+       (blocked >> (place - 1)::integer) & 1 = 1 as fails,
+       bit_count(blocked) as failures
 from asked
 order by selection_id, proposal_id, place

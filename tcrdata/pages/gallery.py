@@ -133,25 +133,31 @@ def _pictures(row: Row, shot: _Shot, others: Sequence[Row]) -> tuple[str, str, s
     }
     projection = shot.frame.level_projection if shot.frame else None
     scene = Scene(box, BOX_KINDS[row["kind"]], around, projection, row["metric_scale"])
-    camera = missing(shot.image_missing)
-    if shot.image is not None:
-        found = photo(shot.image, scene) if projection is not None else None
-        camera = found or missing("Outside the camera's view")
-    seen = missing(shot.points_missing)
-    if shot.points is not None and shot.classes is not None:
-        seen = above(shot.points.xyz, shot.classes, scene)
-    return camera, seen, _truth(box, [o for o in others if o["kind"] == "truth"])
+    truth = _truth(row, box, [other for other in others if other["kind"] == "truth"])
+    camera, outside = "", "Outside the camera's view"
+    if shot.image is None:
+        camera = missing(shot.image_missing)
+    elif projection is not None:
+        camera = photo(shot.image, scene) or ""
+    if shot.points is None or shot.classes is None:
+        # One reason for both pictures is told once.
+        seen = "" if shot.image is None else missing(shot.points_missing)
+        return camera or missing(outside), seen, truth
+    return camera, above(shot.points.xyz, shot.classes, scene, None if camera else outside), truth
 
 
-def _truth(box: FloatArray, truths: Sequence[Row]) -> str:
-    """Which labelled object overlaps the box most, seen from above."""
+def _truth(row: Row, box: FloatArray, truths: Sequence[Row]) -> str:
+    """Which labelled object overlaps the box most, seen from above.
+
+    Where the camera does not look nobody labelled, so nothing is said of what is not there.
+    """
     if not truths:
         return ""
     overlap = bev_iou(box[None], _boxes(truths))[0]
     best = int(overlap.argmax())
-    if overlap[best] <= 0:
-        return "Ground truth: no labelled object here"
-    return f"Ground truth: {truths[best]['category']}, overlap {overlap[best]:.2f} from above"
+    if overlap[best] > 0:
+        return f"Ground truth: {truths[best]['category']}, overlap {overlap[best]:.2f} from above"
+    return "" if row["left_px"] is None else "Ground truth: no labelled object here"
 
 
 def _boxes(rows: Sequence[Row]) -> FloatArray:

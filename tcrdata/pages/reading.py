@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import MissingEvidenceError
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
 _JUDGED = "judged"
 _NOT_JUDGED = ("labels", "ground_truth")
+_MEMORY = "1GB"  # beyond it DuckDB spills: a store may hold millions of candidates
 
 
 @dataclass(frozen=True)
@@ -46,13 +48,16 @@ class Reading:
         return self.rows(report, selection_id=self.selection["selection_id"], **parameters)
 
 
-def read_selection(store: Store, selection_id: str, sequences: Sequence[str] | None) -> Reading:
+def read_selection(
+    store: Store, selection_id: str, sequences: Sequence[str] | None, spill: Path
+) -> Reading:
     """Open a selection over the files it was made from.
 
     Args:
         store: holds it.
         selection_id: of the selection.
         sequences: read these drives alone; None for all.
+        spill: folder for what does not fit into memory.
 
     Raises:
         MissingEvidenceError: there is no such selection, or no drive of a name.
@@ -64,42 +69,47 @@ def read_selection(store: Store, selection_id: str, sequences: Sequence[str] | N
             f"{store.url} has no selection '{selection_id}': make one with `tcrdata check`"
         )
     connection = store.connect(tables=("selections", *_NOT_JUDGED))
-    drives = _drives(store, row, sequences)
-    views = {"checks": checks_view_sql([row]), "verdicts": verdicts_view_sql([row])}
-    store.add_snapshot(
-        connection, row["snapshot"], _JUDGED, views, tables=EVIDENCE_TABLES, sequences=drives
-    )
-    for name in (*EVIDENCE_TABLES, *views):
-        connection.execute(f"create view {name} as from {_JUDGED}.{name}")
-    if drives is not None:
+    connection.execute(f"set memory_limit = '{_MEMORY}'")
+    connection.execute(f"set temp_directory = {_quoted(str(spill))}")
+    # Each query sorts its own rows at its end; holding their order before costs memory.
+    connection.execute("set preserve_insertion_order = false")
+    store.add_snapshot(connection, row["snapshot"], _JUDGED, tables=EVIDENCE_TABLES)
+    kept = _condition(connection, sequences)
+    for table in EVIDENCE_TABLES:
+        connection.execute(f"create view {table} as from {_JUDGED}.{table} {kept}")
+    # Made in the same schema as those views, the rules read some drives, too.
+    for name, sql in (("checks", checks_view_sql([row])), ("verdicts", verdicts_view_sql([row]))):
+        connection.execute(f"create view {name} as {sql}")
+    if kept:
         for table in _NOT_JUDGED:
-            _narrow(connection, table)
+            _narrow(connection, table, kept)
     return Reading(store, connection, row, tuple(sequences) if sequences else None)
 
 
-def _drives(
-    store: Store, selection: Mapping[str, Any], sequences: Sequence[str] | None
-) -> frozenset[tuple[str, str]] | None:
-    """Dataset and sequence of the drives that are asked for; None for all."""
+def _condition(connection: duckdb.DuckDBPyConnection, sequences: Sequence[str] | None) -> str:
+    """The `where` that keeps the drives that are asked for; empty for all."""
     if not sequences:
-        return None
-    units = {entry.unit for entry in store.snapshot(selection["snapshot"]).files}
-    known = sorted({unit.sequence for unit in units})
+        return ""
+    rows = connection.execute(f"select distinct sequence from {_JUDGED}.sequences order by all")
+    known = [name for (name,) in rows.fetchall()]
     for name in sequences:
         if name not in known:
             some = ", ".join(known[:8]) or "none"
             raise MissingEvidenceError(f"the selection has no sequence '{name}'; there are: {some}")
-    return frozenset((u.dataset, u.sequence) for u in units if u.sequence in sequences)
+    return f"where sequence in ({', '.join(_quoted(name) for name in sequences)})"
 
 
-def _narrow(connection: duckdb.DuckDBPyConnection, table: str) -> None:
-    """Put the rows of the drives that are read in the place of a table."""
+def _narrow(connection: duckdb.DuckDBPyConnection, table: str, kept: str) -> None:
+    """Put the rows of the drives that are asked for in the place of a table."""
     (word,) = connection.execute(
         "select if(table_type = 'VIEW', 'view', 'table') from information_schema.tables "
         "where table_schema = 'main' and table_name = ?",
         [table],
     ).fetchall()[0]
     connection.execute(f"alter {word} {table} rename to all_{table}")
-    connection.execute(
-        f"create view {table} as from all_{table} semi join sequences using (dataset, sequence)"
-    )
+    connection.execute(f"create view {table} as from all_{table} {kept}")
+
+
+def _quoted(value: str) -> str:
+    """A string as an SQL literal."""
+    return "'" + value.replace("'", "''") + "'"

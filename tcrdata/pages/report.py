@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -55,7 +56,12 @@ def write_report(
     path = Path(out)
     if path.is_dir():
         raise SettingsError(f"--out {out}: is a folder: give the name of an .html file")
-    page, report = _page(read_selection(store, selection_id, sequences), path)
+    with tempfile.TemporaryDirectory(prefix="tcrdata-") as spill:
+        reading = read_selection(store, selection_id, sequences, Path(spill))
+        try:
+            page, report = _page(reading, path)
+        finally:
+            reading.connection.close()
     _write(path, page)
     return report
 
@@ -66,19 +72,56 @@ def _page(reading: Reading, path: Path) -> tuple[bytes, Report]:
     examples = gallery(reading)
     (row,) = reading.selected("report_selection")
     parts = [
-        Section("funnel", "Which rule decides what", sections.FUNNEL, sections.funnel(reading)),
-        Section("scores", "Scores against ground truth", sections.SCORES, score_section(scores)),
-        Section("labels", "What the labels are like", sections.LABELS, sections.labels(reading)),
-        Section("tracks", "Tracks over time", sections.TRACKS, sections.tracks(reading)),
-        Section("gallery", "Gallery", sections.GALLERY, sections.examples(examples, book.units())),
-        Section("rules", "The rules, as SQL", sections.RULES, rule_sheets(reading.selection, book)),
+        Section(
+            "funnel",
+            "Funnel",
+            "Which rule decides what",
+            sections.FUNNEL,
+            sections.funnel(reading, book),
+        ),
+        Section(
+            "scores",
+            "Scores",
+            "Scores against ground truth",
+            sections.SCORES,
+            score_section(scores),
+        ),
+        Section(
+            "labels",
+            "Labels",
+            "What the labels are like",
+            sections.LABELS,
+            sections.labels(reading),
+        ),
+        Section("tracks", "Tracks", "Tracks over time", sections.TRACKS, sections.tracks(reading)),
+        Section(
+            "gallery",
+            "Gallery",
+            "Gallery",
+            sections.GALLERY,
+            sections.examples(examples, book.units()),
+        ),
+        Section(
+            "rules",
+            "Rules",
+            "The rules, as SQL",
+            sections.RULES,
+            rule_sheets(reading.selection, book),
+        ),
         Section(
             "parameters",
+            "Parameters",
             "Parameters",
             sections.PARAMETERS,
             parameter_table(reading.selection, book),
         ),
-        Section("left-out", "What was left out", sections.LEFT_OUT, sections.left_out(reading)),
+        Section(
+            "left-out",
+            "Left out",
+            "What was left out",
+            sections.LEFT_OUT,
+            sections.left_out(reading),
+        ),
     ]
     head = masthead(reading, row, scores, book)
     title = f"{row['name']}: label report"

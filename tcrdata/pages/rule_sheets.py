@@ -107,6 +107,11 @@ def _sheet(
     return details(summary, "".join(content))
 
 
+def first_sentence(words: str) -> str:
+    """The first sentence of a text."""
+    return words.partition(". ")[0].rstrip(".") + "."
+
+
 def parameter_table(selection: Row, book: RuleBook) -> str:
     """Return every parameter the selection ran with; those the user changed stand out."""
     known = book.parameters

@@ -39,6 +39,10 @@ class Scores:
         """One score over all sequences."""
         return self.evaluation.find(subset, view, metric)[iou].value
 
+    def labels_scored(self, iou: float) -> int:
+        """Labels that the bird's-eye precision counts."""
+        return self.evaluation.find("all", "bev", "precision")[iou].predictions
+
 
 def read_scores(reading: Reading) -> Scores | str:
     """Score the selection, or say why it cannot be scored."""

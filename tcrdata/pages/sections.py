@@ -8,21 +8,28 @@ from typing import Any
 
 from tcrdata import __version__
 from tcrdata.pages.reading import Reading
+from tcrdata.pages.rule_sheets import RuleBook, first_sentence
 from tcrdata.status import store_status
-from tcrdata.views.report import timelines
+from tcrdata.views.report import funnels, timelines
 from tcrdata.views.report.cards import Card, cards
 from tcrdata.views.report.charts import Bin, histogram
 from tcrdata.views.report.html import count, counted, number, table, tag, text
 
 FUNNEL = (
     "Every rule looks at every candidate. A candidate becomes a label when no rule fails it; "
-    "a rule without evidence abstains."
+    "a rule without evidence abstains. <b>Left</b> is what this rule and those above it let "
+    "through; <b>alone</b> is what would come in without the rule, and <b>near</b> what of that a "
+    "bound looser by a tenth would let in. Margins are distances to the bound as a share of it, "
+    "negative where the rule fails: the 10th and the 50th percentile."
 )
 SCORES = (
     "No cue and no rule has read the ground truth; it is used here alone. The surest labels come "
     "first: a curve that stays high as it goes right finds more objects without more mistakes."
 )
-LABELS = "How the labels spread. The last bar of each figure holds everything beyond it, too."
+LABELS = (
+    "How the labels (blue) and what was left undecided (violet) spread. The last bar of each figure "
+    "holds everything beyond it, too."
+)
 TRACKS = (
     "A row is one object, a column one frame. Gaps in a row are frames in which the object was not "
     "tracked; thin grey lines are frames in which it was, and a rule refused the label."
@@ -68,10 +75,13 @@ _GROUPS = {
 _DRIVES_LISTED = 1000
 
 
-def funnel(reading: Reading) -> str:
-    """Return what each rule does; see `tcrdata funnel`."""
-    del reading
-    return ""
+def funnel(reading: Reading, book: RuleBook) -> str:
+    """Return what each rule does; `tcrdata funnel` prints the same rows."""
+    rows = reading.selected("funnel")
+    if not rows or not rows[0]["judged"]:
+        return tag("p", "The store holds no candidates.", class_="note")
+    decides = {name: first_sentence(rule.decides) for name, rule in book.rules.items()}
+    return funnels.funnel_table(rows, decides) + funnels.overlap_table(rows)
 
 
 def labels(reading: Reading) -> str:
@@ -87,7 +97,7 @@ def labels(reading: Reading) -> str:
         each = f"{number(step)} {unit}".strip()
         caption = tag("figcaption", tag("b", text(name)), tag("span", f" · bars of {each}"))
         figures.append(tag("figure", caption, histogram(bins, step, unit, f"Labels by {name}")))
-    return tag("div", *figures, class_="multiples")
+    return tag("div", *figures, class_="multiples three")
 
 
 def tracks(reading: Reading) -> str:

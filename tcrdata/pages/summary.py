@@ -22,7 +22,7 @@ def masthead(reading: Reading, row: Row, scores: Scores | str, book: RuleBook) -
             tag("p", "Label report", class_="kicker"),
             tag("h1", text(row["name"])),
             tag("p", _verdict(row, scores), class_="verdict"),
-            tag("div", *_tiles(row, scores), class_="tiles"),
+            _tiles(row, scores),
             tag("dl", _facts(reading, row, book), class_="facts"),
         )
     )
@@ -41,7 +41,10 @@ def _verdict(row: Row, scores: Scores | str) -> str:
     precision = scores.value("all", "precision", _IOU)
     recall, moving = (scores.value(subset, "recall", _IOU) for subset in ("all", "moving"))
     if precision is not None:
-        said += f"Where it can be checked, {tag('b', _share(precision))} of the labels meet a "
+        checked = counted(scores.labels_scored(_IOU), "label")
+        said += (
+            f"Of the {checked} that ground truth can check, {tag('b', _share(precision))} meet a "
+        )
         said += f"labelled object (IoU {_IOU:g} from above). "
     if recall is not None:
         said += f"They cover {tag('b', _share(recall))} of all labelled objects"
@@ -55,7 +58,8 @@ def _share(value: float) -> str:
     return f"{100 * value:.0f} %"
 
 
-def _tiles(row: Row, scores: Scores | str) -> list[str]:
+def _tiles(row: Row, scores: Scores | str) -> str:
+    """Counts in a grid of two full rows."""
     shown = [
         (count(row["positives"]), "labels"),
         (count(row["ignored"]), "ignored: left undecided"),
@@ -67,18 +71,16 @@ def _tiles(row: Row, scores: Scores | str) -> list[str]:
         (count(row["frames_failed"]), "frames that could not be read"),
     ]
     if isinstance(scores, Scores):
-        precision = scores.value("all", "precision", _IOU)
-        moving = scores.value("moving", "recall", _IOU)
-        shown[4:4] = [
-            (
-                _share(precision) if precision is not None else NOTHING,
-                "precision, IoU 0.5 from above",
-            ),
-            (_share(moving) if moving is not None else NOTHING, "recall of what moves, IoU 0.5"),
-        ]
-    return [
+        checked = {
+            f"precision, IoU {_IOU:g}": scores.value("all", "precision", _IOU),
+            f"recall of what moves, IoU {_IOU:g}": scores.value("moving", "recall", _IOU),
+        }
+        for name, value in checked.items():
+            shown.append((NOTHING if value is None else _share(value), name))
+    tiles = "".join(
         tag("div", tag("b", value), tag("span", text(name)), class_="tile") for value, name in shown
-    ]
+    )
+    return tag("div", tiles, class_="tiles", style=f"--columns:{len(shown) // 2}")
 
 
 def _facts(reading: Reading, row: Row, book: RuleBook) -> str:

@@ -21,8 +21,8 @@ class Card:
     Attributes:
         row: of `report_gallery`.
         verdicts: of `report_gallery_checks`, in the preset's order.
-        camera: HTML of the cut-out, or of why there is none.
-        above: HTML of the bird's-eye view, or of why there is none.
+        camera: HTML of the cut-out, or of why there is none; empty when the other picture says so.
+        above: HTML of the bird's-eye view, or of why there is none; empty likewise.
         truth: what ground truth says, plain text; empty where nobody labelled.
     """
 
@@ -44,7 +44,8 @@ def cards(group: Sequence[Card], units: Mapping[str, str]) -> str:
 
 
 def _card(card: Card, units: Mapping[str, str]) -> str:
-    views = tag("div", card.camera, card.above, class_="views")
+    both = card.camera and card.above
+    views = tag("div", card.camera, card.above, class_="views" if both else "views single")
     told = tag(
         "div",
         tag("p", why(card.row, card.verdicts, units), class_="why"),
@@ -71,7 +72,7 @@ def why(row: Row, verdicts: Sequence[Row], units: Mapping[str, str]) -> str:
     if not verdict["fails"]:
         return f"Accepted, score {number(row['score'])}. Closest call: {rule}, {numbers}."
     what = "no evidence, which this preset requires" if verdict["passed"] is None else numbers
-    more = row["failures"] - 1
+    more = verdict["failures"] - 1
     others = f", and {counted(more, 'more rule')}" if more else " alone"
     said = "Ignored: fails" if row["state"] == "ignore" else "Fails"
     return f"{said} {rule}{others}: {what}."

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tcrdata.views.report.html import number, tag, text
 
 _WIDTH, _HEIGHT = 300.0, 200.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 34.0, 12.0, 10.0, 30.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 34.0, 12.0, 24.0, 30.0
 _BAR_HEIGHT = 128.0
 _BAR_LEFT = 6.0
 
@@ -47,7 +47,8 @@ def unit_chart(lines: Sequence[Line], x_name: str, y_name: str, title: str) -> s
     """Return a chart of lines in the unit square, as steps.
 
     Args:
-        lines: at most three, from the lightest colour to the darkest.
+        lines: at most three, from the widest and lightest to the thinnest and darkest, so that
+            all are seen where they coincide.
         x_name: below.
         y_name: above, to the left.
         title: read aloud in place of the picture.
@@ -78,7 +79,7 @@ def _unit_grid(x_name: str, y_name: str) -> str:
         parts.append(tag("text", name, x=f"{x:.1f}", y=_HEIGHT - 15, text_anchor="middle"))
     middle = (_LEFT + _WIDTH - _RIGHT) / 2
     parts.append(tag("text", text(x_name), x=f"{middle:g}", y=_HEIGHT - 2, text_anchor="middle"))
-    parts.append(tag("text", text(y_name), x=_LEFT + 4, y=_TOP + 13))
+    parts.append(tag("text", text(y_name), x=2, y=11))
     return "".join(parts)
 
 
@@ -86,8 +87,10 @@ def _legend(lines: Sequence[Line]) -> str:
     """Names at the bottom left, where curves of trusted labels seldom pass."""
     parts = []
     for place, line in enumerate(lines):
-        y = _HEIGHT - _BOTTOM - 10 - 15 * (len(lines) - 1 - place)
-        parts.append(tag("text", text(line.name), x=_LEFT + 8, y=f"{y:g}", class_=f"name t{place}"))
+        y = _HEIGHT - _BOTTOM - 12 - 16 * (len(lines) - 1 - place)
+        swatch = f"M{_LEFT + 10:g} {y - 4:g}h20"
+        parts.append(f'<path d="{swatch}" class="curve c{place}"/>')
+        parts.append(tag("text", text(line.name), x=_LEFT + 37, y=f"{y:g}", class_="name"))
     return "".join(parts)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +17,8 @@ from tcrdata.views.overlays import corners_3d, wire_frame
 from tcrdata.views.report.html import number, tag, text
 
 _PHOTO = (480, 320)
-_ABOVE = 200.0
+_ABOVE = (200.0, 200.0)
+_ABOVE_ALONE = (500.0, 200.0)
 _MOST_DOTS = 1800
 _MARGIN = 0.7
 _LEAST_PX = 150.0
@@ -128,40 +129,45 @@ def _outline(path: str, kind: str, own: bool) -> str:
     return f'{rim}<path d="{path}" class="{style}"/>'
 
 
-def above(points: NDArray[np.floating], classes: IntArray, scene: Scene) -> str:
+def above(
+    points: NDArray[np.floating], classes: IntArray, scene: Scene, alone: str | None = None
+) -> str:
     """Return the points around the candidate from above, ahead of the sensor up, with the boxes.
 
     Args:
         points: (N, 3), level frame.
         classes: (N,) 0 = no vote, 1 = seen again, 2 = seen through.
         scene: the candidate.
+        alone: why no photo stands beside it: then it is wide, and says so; None beside a photo.
     """
+    width, height = _ABOVE if alone is None else _ABOVE_ALONE
     half = max(_LEAST_HALF_M * scene.metric_scale, 1.6 * float(max(scene.box[3:5])))
-    scale = _ABOVE / (2 * half)
-    centre = scene.box[[0, 2]]
+    scale = height / (2 * half)
+    centre, middle = scene.box[[0, 2]], np.array([width, height]) / 2
 
     def page(xz: NDArray[np.floating]) -> FloatArray:
-        moved = (xz - centre) * scale * np.array([1.0, -1.0]) + _ABOVE / 2
+        moved = (xz - centre) * scale * np.array([1.0, -1.0]) + middle
         return np.asarray(moved, dtype=np.float64)
 
-    parts = [_dots(page(points[:, [0, 2]].astype(np.float64)), classes)]
+    parts = [_dots(page(points[:, [0, 2]].astype(np.float64)), classes, (width, height))]
     for kind, boxes in (*scene.others.items(), (scene.kind, scene.box[None])):
         own = boxes is not scene.others.get(kind)
         for box in np.asarray(boxes, dtype=np.float64):
-            near = np.abs(box[[0, 2]] - centre).max() < half + float(max(box[3:5]))
-            if near:
+            reach = middle / scale + float(max(box[3:5]))
+            if (np.abs(box[[0, 2]] - centre) < reach).all():
                 parts.append(_outline(_footprint(box, page), kind, own))
-    parts.append(_scale_bar(half, scale))
-    view = f"0 0 {_ABOVE:g} {_ABOVE:g}"
+    parts.append(_scale_bar(half, scale, width, height))
+    if alone:
+        parts.append(tag("text", text(alone), x=10, y=22))
+    view = f"0 0 {width:g} {height:g}"
     return tag(
         "svg", *parts, viewBox=view, class_="above", role="img",
         preserveAspectRatio="xMidYMid slice", aria_label="the same place from above",
     )  # fmt: skip
 
 
-def _footprint(box: FloatArray, page: object) -> str:
+def _footprint(box: FloatArray, page: Callable[[FloatArray], FloatArray]) -> str:
     """Outline of a box from above, with a line from its centre through its front."""
-    assert callable(page)
     ring = page(box_corners_bev(box[None])[0])
     heading = np.array([np.cos(box[6]), -np.sin(box[6])])
     front = page(np.stack([box[[0, 2]], box[[0, 2]] + heading * (box[3] / 2 + 0.35 * box[4])]))
@@ -169,9 +175,9 @@ def _footprint(box: FloatArray, page: object) -> str:
     return outline + f"M{front[0][0]:.1f} {front[0][1]:.1f}L{front[1][0]:.1f} {front[1][1]:.1f}"
 
 
-def _dots(places: FloatArray, classes: IntArray) -> str:
+def _dots(places: FloatArray, classes: IntArray, size: tuple[float, float]) -> str:
     """Points as round dots, one a place on the page, a path a class."""
-    inside = ((places >= 0) & (places <= _ABOVE)).all(axis=1)
+    inside = ((places >= 0) & (places <= size)).all(axis=1)
     whole = np.round(places[inside]).astype(np.int64)
     kinds = np.asarray(classes)[inside]
     # Of several points at one place the one seen through matters most.
@@ -189,11 +195,11 @@ def _dots(places: FloatArray, classes: IntArray) -> str:
     return "".join(parts)
 
 
-def _scale_bar(half: float, scale: float) -> str:
+def _scale_bar(half: float, scale: float, width: float, height: float) -> str:
     """A bar of 1, 2 or 5 times a power of ten metres, about a third of the width."""
     power = 10.0 ** np.floor(np.log10(half * 0.8))
     length = float(max(step * power for step in (1, 2, 5) if step * power <= half * 0.8))
-    right, y = _ABOVE - 9, _ABOVE - 9
+    right, y = width - 10, height - 10
     left = right - length * scale
     name = text(f"{number(length)} m")
     return (

@@ -41,12 +41,14 @@ class Section:
 
     Attributes:
         name: its anchor.
+        short: its name among the links.
         title: its heading.
         lead: HTML, how to read it.
         content: HTML.
     """
 
     name: str
+    short: str
     title: str
     lead: str
     content: str
@@ -61,7 +63,7 @@ def document(title: str, masthead: str, sections: list[Section], footer: str) ->
         sections: in order.
         footer: HTML below them.
     """
-    links = "".join(tag("a", text(s.title), href=f"#{s.name}") for s in sections)
+    links = "".join(tag("a", text(s.short), href=f"#{s.name}") for s in sections)
     parts = "".join(
         tag(
             "section",

@@ -50,8 +50,9 @@ def number(value: float | None) -> str:
         return "∞" if value > 0 else "−∞"
     if float(value).is_integer() and abs(value) < 1e6:
         return f"{value:,.0f}".replace("-", "−")
-    digits = max(0, 2 - math.floor(math.log10(abs(value)))) if value else 0
-    return f"{value:,.{min(digits, 4)}f}".replace("-", "−")
+    digits = min(max(0, 2 - math.floor(math.log10(abs(value)))), 4)
+    shown = f"{value:,.{digits}f}"
+    return (shown.rstrip("0").rstrip(".") if digits else shown).replace("-", "−")
 
 
 def measure(value: float | None, unit: str) -> str:

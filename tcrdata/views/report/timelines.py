@@ -17,8 +17,10 @@ KINDS = {
     "ignored": "ignored",
     "rejected": "track seen, no label",
 }
-_TICKS = 6
-_THIN = {"rejected": (4.2, 1.6)}
+_TICKS = 10
+_STEPS = [digit * 10**power for power in range(9) for digit in (1, 2, 5)]
+_PLACES = {"rejected": (4.3, 1.4), "ignored": (2.6, 4.8)}
+_FULL = (0.6, 8.8)
 
 
 def timelines(rows: Iterable[Row]) -> str:
@@ -67,11 +69,9 @@ def _drive(rows: list[Row]) -> str:
 def _track(runs: Sequence[Row], start: int, end: int) -> str:
     first = runs[0]
     name = first["track_id"].rpartition("/")[2] if first["track_id"] else "no track"
-    # Thin bars first, so that labels lie on top of what was not taken.
-    ordered = sorted(runs, key=lambda run: run["kind"] not in _THIN)
     bars = "".join(
         _bar(run["kind"], run["first_frame"] - start, run["last_frame"] + 1 - start, _told(run))
-        for run in ordered
+        for run in runs
     )
     view = f"0 0 {end - start + 1} 10"
     picture = tag(
@@ -89,7 +89,7 @@ def _told(run: Row) -> str:
 
 
 def _bar(kind: str, first: float, end: float, told: str = "") -> str:
-    y, height = _THIN.get(kind, (0.6, 8.8))
+    y, height = _PLACES.get(kind, _FULL)
     tip = tag("title", text(told)) if told else ""
     return (
         f'<rect x="{first:g}" y="{y}" width="{end - first:g}" height="{height}" '
@@ -100,7 +100,8 @@ def _bar(kind: str, first: float, end: float, told: str = "") -> str:
 def _axis(start: int, end: int) -> str:
     """Frame numbers under the bars, each below the middle of its frame."""
     span = end - start + 1
-    frames = sorted({start + round(n * (span - 1) / _TICKS) for n in range(_TICKS + 1)})
+    step = next(s for s in _STEPS if s * _TICKS >= span)
+    frames = range(-(-start // step) * step, end + 1, step)
     marks = [
         tag("i", str(frame), style=f"left:{100 * (frame - start + 0.5) / span:.2f}%")
         for frame in frames
