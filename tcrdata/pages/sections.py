@@ -27,8 +27,8 @@ SCORES = (
     "first: a curve that stays high as it goes right finds more objects without more mistakes."
 )
 LABELS = (
-    "How the labels (blue) and what was left undecided (violet) spread. The last bar of each figure "
-    "holds everything beyond it, too."
+    "How the labels (blue) and what was left undecided (violet) spread. The last bar of each "
+    "figure holds everything beyond it, too."
 )
 TRACKS = (
     "A row is one object, a column one frame. Gaps in a row are frames in which the object was not "
