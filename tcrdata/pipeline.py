@@ -67,7 +67,14 @@ def plan_build(
     )
 
 
-def build(plan: Plan, store_url: str, *, workers: int, progress: Progress) -> BuildReport:
+def build(
+    plan: Plan,
+    store_url: str,
+    *,
+    workers: int,
+    progress: Progress,
+    snapshot: str | None = None,
+) -> BuildReport:
     """Make what is missing of a plan, then select labels with each of its presets.
 
     Sequences run side by side when there are as many as workers; else the frames of one do.
@@ -78,18 +85,21 @@ def build(plan: Plan, store_url: str, *, workers: int, progress: Progress) -> Bu
         store_url: where; created when absent.
         workers: worker processes.
         progress: called with each unit's outcome as it is known.
+        snapshot: the selections judge its evidence; what is made now waits for the next one.
 
     Raises:
         TcrdataError: the store cannot be written, or a selection lacks evidence.
     """
-    store = open_store(store_url, create=True)
+    store = open_store(store_url, create=snapshot is None)
+    if snapshot is not None:
+        store.snapshot(snapshot)
     planning.record_run(store, plan)
     outcomes: list[UnitOutcome] = []
     for outcome in _outcomes(store, plan, workers):
         progress(outcome)
         outcomes.append(outcome)
     sound = {outcome.unit.stage for outcome in outcomes if outcome.state in ("done", "made")}
-    selections = _selections(store, plan) if sound.intersection(plan.cues) else ()
+    selections = _selections(store, plan, snapshot) if sound.intersection(plan.cues) else ()
     store.checkpoint()
     return BuildReport(tuple(outcomes), selections)
 
@@ -134,12 +144,13 @@ def _outcomes(store: Store, plan: Plan, workers: int) -> Iterator[UnitOutcome]:
                 yield from build_sequence(store, plan, sequence, parallel)
 
 
-def _selections(store: Store, plan: Plan) -> tuple[Selection, ...]:
+def _selections(store: Store, plan: Plan, snapshot: str | None) -> tuple[Selection, ...]:
     return tuple(
         select(
             store,
             preset,
             overrides=planning.own_parameters(preset, plan.parameters),
+            snapshot=snapshot,
             leave_out_unfinished=True,
         )
         for preset in plan.loaded

@@ -27,6 +27,7 @@ def build(
     workers: int | None = None,
     config: str | None = None,
     assignments: Assignments = (),
+    snapshot: str | None = None,
     dry_run: Flag = False,
     json: Flag = False,
 ) -> int:
@@ -45,6 +46,7 @@ def build(
         workers: worker processes; the machine's cores when left out.
         config: a TOML file of settings.
         assignments: `cue.field=value` for a cue, `parameter=value` for a rule.
+        snapshot: select labels from the evidence of this snapshot, not from what is made now.
         dry_run: say what would be made and stop.
         json: print the report as JSON.
     """
@@ -76,7 +78,9 @@ def build(
     else:
         total = len(plan.sequences) * (2 + len(plan.cues))
         with console.build_progress(total) as progress:
-            report = pipeline.build(plan, store, workers=count, progress=progress)
+            report = pipeline.build(
+                plan, store, workers=count, progress=progress, snapshot=snapshot
+            )
     seconds = time.perf_counter() - started
     if json:
         console.print_json(printing.build_json(report, seconds))

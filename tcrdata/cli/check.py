@@ -16,6 +16,7 @@ def check(
     preset: str = "tcrdata",
     assignments: Assignments = (),
     name: str | None = None,
+    snapshot: str | None = None,
     json: Flag = False,
 ) -> int:
     """Select labels again from stored evidence; nothing is measured anew.
@@ -25,6 +26,7 @@ def check(
         preset: name of a preset, or the path of one.
         assignments: `parameter=value` of a rule, such as max_cycle_error_m=0.1.
         name: name of the selection; the preset's when left out.
+        snapshot: judge the evidence of this snapshot; that of this moment when left out.
         json: print the selection as JSON.
     """
     from tcrdata.rules import select
@@ -32,7 +34,11 @@ def check(
 
     started = time.perf_counter()
     selection = select(
-        open_store(store), preset, overrides=parse_assignments(list(assignments)), name=name
+        open_store(store),
+        preset,
+        overrides=parse_assignments(list(assignments)),
+        name=name,
+        snapshot=snapshot,
     )
     seconds = time.perf_counter() - started
     if json:

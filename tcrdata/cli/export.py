@@ -19,6 +19,7 @@ def export(
     store: StoreUrl,
     out: str,
     selection: str | None = None,
+    snapshot: str | None = None,
     where: str | None = None,
     ignore: Literal["keep", "drop"] = "keep",
     category: str = "Car",
@@ -36,6 +37,7 @@ def export(
         store: folder or URL of the store.
         out: folder to write into.
         selection: name or id; the newest when left out.
+        snapshot: only the labels and frames of this snapshot; those of this moment when left out.
         where: SQL condition over the columns of labels: only those that fulfil it are written.
         ignore: keep writes undecided labels as the format's ignore regions, drop leaves them out.
         category: type of every object: the labels have no class.
@@ -51,6 +53,8 @@ def export(
 
     exporter = registry.find("exporters", format_name)
     opened = open_store(store)
+    if snapshot is not None:
+        opened = opened.at(snapshot)
     chosen = selected(opened, selection)
     options = ExportOptions(
         where=where,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from operator import itemgetter
 from typing import Any
@@ -107,8 +107,15 @@ def point_to(files: Filesystem, selection_id: str, name: str) -> None:
             return
 
 
-def newest_selection(files: Filesystem, name: str | None) -> str | None:
+def newest_selection(
+    files: Filesystem, name: str | None, among: Collection[str] | None = None
+) -> str | None:
     """Id of the newest selection, or of the newest that a name, an id or its beginning means.
+
+    Args:
+        files: of the store.
+        name: None for the newest of all.
+        among: ids of the only ones that count; None for all.
 
     Raises:
         StoreError: the beginning of an id fits several.
@@ -119,6 +126,8 @@ def newest_selection(files: Filesystem, name: str | None) -> str | None:
         found, own_name = parse_json(
             path, files.read(path), "pointer to a selection", itemgetter("selection_id", "name")
         )
+        if among is not None and found not in among:
+            continue
         if name is None or name in (found, own_name):
             return str(found)
         if len(name) >= _SHORTEST_PREFIX and found.startswith(name):

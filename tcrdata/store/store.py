@@ -30,13 +30,22 @@ _FOLD_FROM = 256
 class Store:
     """Tables of immutable files, made visible by commit records. Pickles as its URL."""
 
-    def __init__(self, files: Filesystem) -> None:
+    def __init__(self, files: Filesystem, pinned: str | None = None) -> None:
         self._files = files
         self._history = History(files)
         self._handles = ParquetHandles(files)
+        self._pinned = pinned
 
-    def __reduce__(self) -> tuple[type[Store], tuple[Filesystem]]:
-        return Store, (self._files,)
+    def __reduce__(self) -> tuple[type[Store], tuple[Filesystem, str | None]]:
+        return Store, (self._files, self._pinned)
+
+    def at(self, snapshot: str) -> Store:
+        """The same store for reading, its tables and newest selection as a snapshot has them.
+
+        Raises:
+            StoreError: there is no such snapshot.
+        """
+        return Store(self._files, self.snapshot(snapshot).name)
 
     @property
     def url(self) -> str:
@@ -111,7 +120,8 @@ class Store:
             SchemaError: there is no such table.
             StoreError: the snapshot is unknown or does not cover the table.
         """
-        if snapshot is None and dataset is not None and sequence is not None:
+        moment = snapshot is None and self._pinned is None
+        if moment and dataset is not None and sequence is not None:
             arrow_schema(table)
             records = self._history.newest_of(dataset, sequence)
             entries = [e for record in records for e in record.files if e.table == table]
@@ -174,8 +184,10 @@ class Store:
             rest = {k: v for k, v in keys.items() if getattr(entry.unit, k) != v}
             rest = {name: value for name, value in rest.items() if name in schema.names}
             found.append(self._handles.get(entry.path, table).read(wanted, {**rest, **equals}))
-        empty = pa.schema([schema.field(name) for name in wanted]).empty_table()
-        return pa.concat_tables([empty, *found])
+        chosen = pa.schema([schema.field(name) for name in wanted])
+        if not found:
+            return chosen.empty_table()
+        return pa.concat_tables(found).replace_schema_metadata(chosen.metadata)
 
     def tables(self, dataset: str, sequence: str, round: int) -> SequenceTables:
         """The tables of one sequence and round, as cues get them."""
@@ -260,12 +272,16 @@ class Store:
         Raises:
             StoreError: the beginning of an id (6 characters or more) fits several.
         """
-        return snapshots.newest_selection(self._files, name)
+        if self._pinned is None:
+            return snapshots.newest_selection(self._files, name)
+        there = {entry.unit.sequence for entry in self.files("selections")}
+        return snapshots.newest_selection(self._files, name, there)
 
     def _entries(
         self, tables: Sequence[str] | None, snapshot: str | None
     ) -> dict[str, list[FileEntry]]:
         """The files of each table."""
+        snapshot = snapshot or self._pinned
         if snapshot is None:
             chosen = table_names() if tables is None else tables
             found = [entry for record in self.records() for entry in record.files]
