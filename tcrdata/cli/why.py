@@ -42,6 +42,7 @@ def why(
         png: draw the image, the bird's-eye view and the margins into this file.
         json: print as JSON.
     """
+    from tcrdata.inspection.drives import Drives
     from tcrdata.inspection.finding import find_by_id, find_by_place
     from tcrdata.inspection.why import explain
     from tcrdata.store import open_store
@@ -52,11 +53,12 @@ def why(
         raise SettingsError("name a proposal by its id, or point at one: --frame F --at X,Z")
     chosen = selected(opened, selection)
     (row,) = opened.read("selections", dataset="_", sequence=chosen).to_pylist()
+    drives = Drives(opened)
     if proposal is not None:
-        found = find_by_id(opened, row, proposal)
+        found = find_by_id(drives, row, proposal)
     else:
-        found = find_by_place(opened, row, sequence, frame or 0, at or "")
-    explanation = explain(opened, row, found, preset)
+        found = find_by_place(drives, row, sequence, frame or 0, at or "")
+    explanation = explain(row, found, preset)
     if png is not None:
         from tcrdata.inspection.why_pictures import draw_why
 

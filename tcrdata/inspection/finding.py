@@ -10,9 +10,8 @@ from typing import Any
 import duckdb
 
 from tcrdata.errors import MissingEvidenceError, SettingsError
-from tcrdata.inspection.drives import drive_connection, judge
+from tcrdata.inspection.drives import Drives
 from tcrdata.reports import run_report
-from tcrdata.store import Store
 
 _NEAR = 3
 
@@ -25,22 +24,24 @@ class Found:
         proposal_id: its id.
         dataset: its dataset.
         sequence: its drive.
-        connection: of `drive_connection`.
+        drives: that it is one of.
+        connection: to the drive.
         nearest: rows of `why_nearest`, the one taken first; empty when the id was given.
     """
 
     proposal_id: str
     dataset: str
     sequence: str
+    drives: Drives
     connection: duckdb.DuckDBPyConnection
     nearest: tuple[dict[str, Any], ...] = ()
 
 
-def find_by_id(store: Store, selection: Mapping[str, Any], proposal_id: str) -> Found:
+def find_by_id(drives: Drives, selection: Mapping[str, Any], proposal_id: str) -> Found:
     """Find a proposal by its id, `dataset/sequence/frame/source/number/fit`.
 
     Args:
-        store: to look in.
+        drives: of the store to look in.
         selection: row of `selections`: the proposals that it judged.
         proposal_id: the id.
 
@@ -52,11 +53,11 @@ def find_by_id(store: Store, selection: Mapping[str, Any], proposal_id: str) -> 
     if not slash:
         raise MissingEvidenceError(
             f"'{proposal_id}' is no proposal's id, which begins with dataset/sequence/: "
-            + _how_to_list(store)
+            + _how_to_list(drives)
         )
-    if (dataset, sequence) not in _drives(store, selection):
-        raise _no_drive(store, selection, f"{dataset}/{sequence}")
-    connection = drive_connection(store, selection, dataset, sequence)
+    if (dataset, sequence) not in drives.names(selection):
+        raise _no_drive(drives, selection, f"{dataset}/{sequence}")
+    connection = drives.connection(selection, dataset, sequence)
     near = connection.execute(
         "select proposal_id from proposals order by levenshtein(proposal_id, $1), 1 limit $2"
         if not _is_there(connection, proposal_id)
@@ -66,14 +67,14 @@ def find_by_id(store: Store, selection: Mapping[str, Any], proposal_id: str) -> 
     if (proposal_id,) not in near:
         names = ", ".join(name for (name,) in near) or "none"
         raise MissingEvidenceError(
-            f"{store.url}: selection '{selection['name']}' judged no proposal '{proposal_id}'; "
-            f"near: {names}; {_how_to_list(store)}"
+            f"{drives.store.url}: selection '{selection['name']}' judged no proposal "
+            f"'{proposal_id}'; near: {names}; {_how_to_list(drives)}"
         )
-    return Found(proposal_id, dataset, sequence, connection)
+    return Found(proposal_id, dataset, sequence, drives, connection)
 
 
 def find_by_place(
-    store: Store, selection: Mapping[str, Any], sequence: str | None, frame: int, at: str
+    drives: Drives, selection: Mapping[str, Any], sequence: str | None, frame: int, at: str
 ) -> Found:
     """Find the proposal of a frame that is nearest to a place on the ground.
 
@@ -81,7 +82,7 @@ def find_by_place(
     a label. See `queries/reports/why_nearest.sql`.
 
     Args:
-        store: to look in.
+        drives: of the store to look in.
         selection: row of `selections`: the proposals that it judged.
         sequence: drive, or dataset/drive; may be None when there is one only.
         frame: number of the frame.
@@ -92,9 +93,9 @@ def find_by_place(
         MissingEvidenceError: no such drive, or the frame has no proposal.
     """
     x, z = parse_place(at)
-    place = _drive_named(store, selection, sequence)
-    connection = drive_connection(store, selection, *place)
-    judge(connection, store, [selection], place, frame)
+    place = _drive_named(drives, selection, sequence)
+    connection = drives.connection(selection, *place)
+    drives.judge(connection, [selection], place, frame)
     parameters = {
         "selection_id": selection["selection_id"],
         "asked_frame": frame,
@@ -107,10 +108,10 @@ def find_by_place(
             0
         ]
         raise MissingEvidenceError(
-            f"{store.url}: frame {frame} of {'/'.join(place)} has no proposal; "
+            f"{drives.store.url}: frame {frame} of {'/'.join(place)} has no proposal; "
             f"there are some in frames {first} to {last}"
         )
-    return Found(rows[0]["proposal_id"], *place, connection, tuple(rows))
+    return Found(rows[0]["proposal_id"], *place, drives, connection, tuple(rows))
 
 
 def parse_place(text: str) -> tuple[float, float]:
@@ -139,39 +140,31 @@ def _is_there(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> bool:
     return bool(rows.fetchall())
 
 
-def _drives(store: Store, selection: Mapping[str, Any]) -> set[tuple[str, str]]:
-    """Dataset and sequence of every drive whose proposals the selection may have judged."""
-    files = store.snapshot(selection["snapshot"]).files
-    return {(f.unit.dataset, f.unit.sequence) for f in files if f.table == "proposals"}
-
-
-def _drive_named(store: Store, selection: Mapping[str, Any], name: str | None) -> tuple[str, str]:
+def _drive_named(drives: Drives, selection: Mapping[str, Any], name: str | None) -> tuple[str, str]:
     """The drive that is meant."""
-    drives = sorted(_drives(store, selection))
-    meant = [d for d in drives if name in (None, d[1], "/".join(d))]
+    meant = [d for d in drives.names(selection) if name in (None, d[1], "/".join(d))]
     if not meant:
-        raise _no_drive(store, selection, str(name))
+        raise _no_drive(drives, selection, str(name))
     if len(meant) > 1:
         few = ", ".join("/".join(drive) for drive in meant[:_NEAR])
         raise SettingsError(
-            f"{len(meant)} drives have a frame of that number: name one with --sequence, "
-            f"such as {few}"
+            f"{len(meant)} drives may be meant: name one with --sequence, such as {few}"
         )
     return meant[0]
 
 
-def _no_drive(store: Store, selection: Mapping[str, Any], name: str) -> MissingEvidenceError:
+def _no_drive(drives: Drives, selection: Mapping[str, Any], name: str) -> MissingEvidenceError:
     """An error that names the drives nearest to a name."""
-    drives = ["/".join(drive) for drive in sorted(_drives(store, selection))]
-    near = difflib.get_close_matches(name, drives, n=_NEAR, cutoff=0.3) or drives[:_NEAR]
+    names = ["/".join(drive) for drive in drives.names(selection)]
+    near = difflib.get_close_matches(name, names, n=_NEAR, cutoff=0.3) or names[:_NEAR]
     return MissingEvidenceError(
-        f"{store.url}: selection '{selection['name']}' judged no drive '{name}'; "
+        f"{drives.store.url}: selection '{selection['name']}' judged no drive '{name}'; "
         f"near: {', '.join(near) or 'none'}"
     )
 
 
-def _how_to_list(store: Store) -> str:
+def _how_to_list(drives: Drives) -> str:
     return (
         f'list them with `tcrdata sql "select proposal_id from proposals where frame = 0" '
-        f"--store {store.url}`, or point: `--frame F --at X,Z`"
+        f"--store {drives.store.url}`, or point: `--frame F --at X,Z`"
     )

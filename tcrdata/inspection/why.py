@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from tcrdata.errors import SettingsError
-from tcrdata.inspection.drives import judge, selections_of
 from tcrdata.inspection.finding import Found
-from tcrdata.inspection.flips import passing_value
+from tcrdata.inspection.flips import hold_ready, passing_value
 from tcrdata.inspection.sentences import need, sentence
 from tcrdata.reports import run_report
 from tcrdata.rules import Preset, Rule, load_preset
-from tcrdata.store import Store
 
 
 @dataclass(frozen=True)
@@ -104,13 +102,10 @@ class Explanation:
         }
 
 
-def explain(
-    store: Store, selection: Mapping[str, Any], found: Found, preset: str | None
-) -> Explanation:
+def explain(selection: Mapping[str, Any], found: Found, preset: str | None = None) -> Explanation:
     """Explain what a selection made of a proposal.
 
     Args:
-        store: that holds both.
         selection: row of `selections`.
         found: the proposal.
         preset: path of the preset that the selection ran, when it is none that ships; without it
@@ -123,8 +118,8 @@ def explain(
     asked = {"selection_id": selection["selection_id"], "proposal_id": found.proposal_id}
     proposal = _rows(found, "why_proposal", asked)[0]
     points = proposal.pop("point_indices") or ()
-    every = selections_of(store, *place, selection["round"])
-    judge(found.connection, store, every, place, proposal["frame"], proposal["track_id"])
+    every = found.drives.selections(*place, selection["round"])
+    found.drives.judge(found.connection, every, place, proposal["frame"], proposal["track_id"])
     outcomes = _rows(found, "why_outcomes", asked)
     itself = [row for row in outcomes if row["relation"] == "itself"]
     own = next(row for row in itself if row["selection_id"] == selection["selection_id"])
@@ -195,14 +190,14 @@ def _verdicts(
         for rule in (preset.rules if preset else ())
         if rule.select(literals) == texts.get(rule.name)
     }
+    if any(row["stops"] for row in rows):
+        hold_ready(found.connection, found.proposal_id)
     verdicts = []
     for row in rows:
         rule = known.get(row["rule"])
         change = None
         if rule is not None and row["stops"]:
-            change = passing_value(
-                found.connection, rule, literals, found.proposal_id, row["value"]
-            )
+            change = passing_value(found.connection, rule, literals, row["value"])
         told = (rule, row["value"], row["bound"], row["verdict"])
         verdicts.append(
             RuleVerdict(
