@@ -24,8 +24,8 @@ def lidar_poses(part: SequenceLabels) -> FloatArray:
     level with the ground.
     """
     poses = matrices(part.frames, "level_T_sensor", (4, 4))
-    lidars = part.frames["sensor"].to_numpy() == "lidar"
-    own = lidars & ~np.isnan(poses).any(axis=(1, 2))
+    lidar = part.frames["sensor"][0].as_py() == "lidar"
+    own = lidar & ~np.isnan(poses).any(axis=(1, 2))
     result = np.broadcast_to(_LIDAR_T_LEVEL, poses.shape).copy()
     for row in np.flatnonzero(own):
         repeated = row > 0 and own[row - 1] and np.array_equal(poses[row], poses[row - 1])

@@ -12,6 +12,7 @@ from typing import Any, Literal
 import duckdb
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
 from tcrdata.exporters.where import keep, lock
@@ -21,7 +22,7 @@ from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import is_view, table_names
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
-_ROWS_AT_A_TIME = 50_000
+_ROWS_AT_A_TIME = 200_000
 _READ = ("labels", "selections", "images", "sweeps")
 _JUDGED = "judged"  # schema of the tables as the selection read them
 _BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
@@ -114,8 +115,8 @@ class SequenceLabels:
     @property
     def positive(self) -> BoolArray:
         """(N,) which labels are positive; the others are ignore regions."""
-        states = self.labels["state"].to_numpy()
-        return np.asarray(states == "positive", dtype=np.bool_)
+        states = pc.equal(self.labels["state"], "positive")
+        return np.asarray(states.to_numpy(), dtype=np.bool_)
 
     def only(self, kept: BoolArray) -> SequenceLabels:
         """Return the same frames with some of the labels, given as (N,) booleans."""
@@ -172,14 +173,15 @@ class ChosenLabels:
                 "last_sequence": last,
             }
             frames = run_report(self.connection, "exported_frames", place).to_arrow_table()
-            labels = run_report(self.connection, "exported_labels", {**self._selected, **place})
-            own = _by_sequence(labels.to_arrow_table())
+            report = run_report(self.connection, "exported_labels", {**self._selected, **place})
+            labels = report.to_arrow_table()
+            own = _by_sequence(labels)
             more: dict[str, pa.Table] = {}
             if beside is not None:
                 report = run_report(self.connection, beside, {**self._selected, **place})
                 more = _by_sequence(report.to_arrow_table())
             for sequence, part in _by_sequence(frames).items():
-                chosen = own.get(sequence, labels.limit(0).to_arrow_table())
+                chosen = own.get(sequence, labels.slice(0, 0))
                 rows = np.searchsorted(part["frame"].to_numpy(), chosen["frame"].to_numpy())
                 yield SequenceLabels(
                     dataset, sequence, part, chosen, rows.astype(np.int64), more.get(sequence)
