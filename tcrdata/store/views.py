@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-import pyarrow.dataset
-
 from tcrdata.errors import QueryError, StoreError
 from tcrdata.store.commits import FileEntry
 from tcrdata.store.filesystem import Filesystem
@@ -15,6 +13,7 @@ from tcrdata.store.schemas import arrow_schema, columns, ddl, is_view
 if TYPE_CHECKING:
     import duckdb
     import polars
+    import pyarrow.dataset
 
 
 def connect(
@@ -102,6 +101,9 @@ def arrow_dataset(
     files: Filesystem, table: str, entries: Sequence[FileEntry]
 ) -> pyarrow.dataset.Dataset:
     """The files as a pyarrow dataset: read lazily, columns and rows pushed down."""
+    # Imports pandas, for which no command over a local folder should wait.
+    import pyarrow.dataset
+
     return pyarrow.dataset.dataset(
         [files.full_path(entry.path) for entry in entries],
         schema=arrow_schema(table),
