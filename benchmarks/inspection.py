@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -147,3 +148,71 @@ def add_selections(folder: Path) -> None:
     store = open_store(str(folder))
     select(store, "tcrdata")
     select(store, "tcrdata", {"min_travel_m": 5, "min_points": 20}, name="strict")
+
+
+def commands(folder: Path, out: Path) -> dict[str, list[str]]:
+    """Each command that is measured, by what people call it."""
+    from tcrdata.store import open_store
+
+    store = open_store(str(folder))
+    (label,) = (
+        store.connect(tables=["labels"])
+        .sql(
+            "select proposal_id from labels order by selection_id, proposal_id limit 1 offset 1000"
+        )
+        .fetchall()
+    )
+    return {
+        "funnel": ["funnel", "--selection", "tcrdata"],
+        "diff": ["diff", "tcrdata", "strict"],
+        "why": ["why", label[0], "--selection", "tcrdata"],
+        "check": ["check", "--set", "min_points=12", "--name", "again"],
+        "report": ["report", "--selection", "tcrdata", "--out", str(out / "report.html")],
+    }
+
+
+def measure(command: list[str], folder: Path) -> tuple[float, int]:
+    """Wall seconds and peak megabytes of a command in a process of its own.
+
+    A second `check` with the same parameters would find its labels there, so the store is copied
+    by hard links: the evidence is shared, what is written is not.
+    """
+    with tempfile.TemporaryDirectory(dir=folder.parent) as temporary:
+        own = Path(temporary) / "store"
+        shutil.copytree(folder, own, copy_function=os.link)
+        words = [sys.executable, "-m", "tcrdata", *command, "--store", str(own)]
+        started = time.perf_counter()
+        process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
+        assert process.stderr is not None
+        said = process.stderr.read().decode()
+        _, status, used = os.wait4(process.pid, 0)
+        seconds = time.perf_counter() - started
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        sys.exit(f"{' '.join(command)}: {said}")
+    return seconds, used.ru_maxrss // 1024
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--sequences", type=int, default=1000)
+    parser.add_argument("--folder", type=Path, help="keep the store here and reuse it")
+    parser.add_argument("--only", help="commands, with commas between; all when left out")
+    parser.add_argument("--times", type=int, default=3)
+    asked = parser.parse_args()
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = (asked.folder or Path(temporary)) / f"inspection_{asked.sequences}"
+        if not folder.exists():
+            make_store(folder, asked.sequences)
+        add_selections(folder)
+        print("| command | s | peak MB | load before |")
+        print("| --- | ---: | ---: | ---: |")
+        for name, command in commands(folder, Path(temporary)).items():
+            if asked.only is None or name in asked.only.split(","):
+                load = os.getloadavg()[0]
+                seconds, peak = min(measure(command, folder) for _ in range(asked.times))
+                print(f"| {name} | {seconds:.2f} | {peak:,} | {load:.1f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
