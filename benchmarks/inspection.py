@@ -57,6 +57,7 @@ select 'synthetic/' || $sequence || '/' || lpad(frame::varchar, 6, '0') || '/' |
            as straightness,
        false as at_clip_edge,
        if(source = 'static', 0.15 * b, if(source = 'track', sqrt(c), null)) as track_core_share,
+       if(source = 'track', sqrt(b), null) as track_box_core_share,
        if(source = 'track', 0.6 * u, null) as overlapped_share, height_m as track_height_m,
        if(source <> 'free_space', (9 * u * u * u)::integer, null) as frames_from_observation,
        if(source = 'track', 10 * b, null) as speed_mps
@@ -64,7 +65,8 @@ from drawn
 """
 _CONFIDENCES = """
 select proposal_id, frame, source, module,
-       hash(proposal_id, module) / 18446744073709551615 as confidence, confidence as raw_value, 'share' as unit
+       hash(proposal_id, module) / 18446744073709551615 as confidence,
+       confidence as raw_value, 'share' as unit
 from proposals
 join (values ('track', 'track'), ('track', 'free_space'), ('static', 'shape'),
              ('free_space', 'free_space')) m(source, module) using (source)
