@@ -71,7 +71,7 @@ def export(
         folder = open_folder(out, options.overwrite)
         training = make_folders(folder, ("label_2", "calib", "image_2", "velodyne"))
         with numbered_frames(folder, chosen, options, _FILES) as numbered:
-            for found in chosen.sequences():
+            for found in chosen.sequences(files=not options.labels_only):
                 part = found.only(shown(found) | (found.positive & ~has_camera(found)))
                 names, _ = numbered.add(part)
                 _write_labels(training, part, names, options.category)

@@ -59,7 +59,7 @@ def export(
     with chosen_labels(store, selection_id, options) as chosen:
         folder = open_folder(out, options.overwrite) / "label_02"
         folder.mkdir(exist_ok=True)
-        for found in chosen.sequences():
+        for found in chosen.sequences(files=False):
             check_name(owners, found)
             part = found.only(found.positive | shown(found))
             lines = _lines(part, options.category)

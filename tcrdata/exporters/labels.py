@@ -157,7 +157,9 @@ class ChosenLabels:
         )
         self.names = sorted({size[1] for size in self._sizes})
 
-    def sequences(self, beside: str | None = None) -> Iterator[SequenceLabels]:
+    def sequences(
+        self, beside: str | None = None, *, files: bool = True
+    ) -> Iterator[SequenceLabels]:
         """Yield every sequence that the selection saw, sorted; also those without labels.
 
         Several short ones are read at a time; never more than fits.
@@ -165,6 +167,7 @@ class ChosenLabels:
         Args:
             beside: a further report with the parameters of `exported_labels.sql` that choose
                 labels and sequences, and with rows sorted by sequence.
+            files: look up where images and points lie; without, their paths are NULL.
         """
         for dataset, first, last in _groups(self._sizes):
             place = {
@@ -172,7 +175,9 @@ class ChosenLabels:
                 "first_sequence": first,
                 "last_sequence": last,
             }
-            frames = run_report(self.connection, "exported_frames", place).to_arrow_table()
+            frames = run_report(
+                self.connection, "exported_frames", {**place, "with_files": files}
+            ).to_arrow_table()
             report = run_report(self.connection, "exported_labels", {**self._selected, **place})
             labels = report.to_arrow_table()
             own = _by_sequence(labels)

@@ -72,7 +72,7 @@ def export(
         folder = open_folder(out, options.overwrite)
         training = make_folders(folder, ("calib", "image_2", "velodyne"))
         with numbered_frames(folder, chosen, options, _FILES) as numbered:
-            for part in chosen.sequences():
+            for part in chosen.sequences(files=not options.labels_only):
                 names, splits = numbered.add(part)
                 for split, info in zip(splits, _infos(part, names, options.category), strict=True):
                     if split:

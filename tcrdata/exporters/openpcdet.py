@@ -85,7 +85,7 @@ def export(
         for name in _FOLDERS:
             (folder / name).mkdir(exist_ok=True)
         with numbered_frames(folder, chosen, options, _FILES) as numbered:
-            for part in chosen.sequences():
+            for part in chosen.sequences(files=False):
                 names, splits = numbered.add(part)
                 boxes = lidar_boxes(part.boxes, lidar_poses(part)[part.frame_rows])
                 _write_labels(folder, part, boxes, names, options.category)
