@@ -74,7 +74,7 @@ def read_selection(
     # Each query sorts its own rows at its end; holding their order before costs memory.
     connection.execute("set preserve_insertion_order = false")
     store.add_snapshot(connection, row["snapshot"], _JUDGED, tables=EVIDENCE_TABLES)
-    kept = _condition(connection, sequences)
+    kept = _condition(store, row["snapshot"], sequences)
     for table in EVIDENCE_TABLES:
         connection.execute(f"create view {table} as from {_JUDGED}.{table} {kept}")
     # Made in the same schema as those views, the rules read some drives, too.
@@ -86,12 +86,11 @@ def read_selection(
     return Reading(store, connection, row, tuple(sequences) if sequences else None)
 
 
-def _condition(connection: duckdb.DuckDBPyConnection, sequences: Sequence[str] | None) -> str:
+def _condition(store: Store, snapshot: str, sequences: Sequence[str] | None) -> str:
     """The `where` that keeps the drives that are asked for; empty for all."""
     if not sequences:
         return ""
-    rows = connection.execute(f"select distinct sequence from {_JUDGED}.sequences order by all")
-    known = [name for (name,) in rows.fetchall()]
+    known = sorted({entry.unit.sequence for entry in store.snapshot(snapshot).files})
     for name in sequences:
         if name not in known:
             some = ", ".join(known[:8]) or "none"

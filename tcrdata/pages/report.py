@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import tempfile
 from collections.abc import Sequence
@@ -99,7 +100,7 @@ def _page(reading: Reading, path: Path) -> tuple[bytes, Report]:
             "Gallery",
             "Gallery",
             sections.GALLERY,
-            sections.examples(examples, book.units()),
+            sections.examples(examples, book.words()),
         ),
         Section(
             "rules",
@@ -139,7 +140,8 @@ def _write(path: Path, page: bytes) -> None:
         beside.write_bytes(page)
         beside.replace(path)
     except OSError as error:
-        beside.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
         raise SettingsError(
             f"--out {path}: {error.strerror}: give a file that can be written"
         ) from error

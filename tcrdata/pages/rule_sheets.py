@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tcrdata.rules import Parameter, Preset, Rule, load_preset, load_rules, preset_names
+from tcrdata.views.report.cards import RuleWords
 from tcrdata.views.report.html import details, table, tag, text
 from tcrdata.views.report.sql_text import sql_block
 
@@ -31,13 +32,16 @@ class RuleBook:
         own = {p.name: p for p in self.preset.file.parameters} if self.preset else {}
         return own | {p.name: p for rule in self.rules.values() for p in rule.parameters}
 
-    def units(self) -> dict[str, str]:
-        """Rule to the unit of its value: that of the first number that its condition names."""
-        return {
+    def words(self) -> dict[str, RuleWords]:
+        """Rule to its unit, that of the first number its condition names, and the condition."""
+        units = {
             rule.name: parameter.unit.partition(" * ")[0]
             for rule in self.rules.values()
             for parameter in reversed(rule.parameters)
             if parameter.kind == "number" and parameter.name in rule.needs
+        }
+        return {
+            name: RuleWords(units.get(name, ""), rule.needs) for name, rule in self.rules.items()
         }
 
 

@@ -11,7 +11,7 @@ from tcrdata.pages.reading import Reading
 from tcrdata.pages.rule_sheets import RuleBook, first_sentence
 from tcrdata.status import store_status
 from tcrdata.views.report import funnels, timelines
-from tcrdata.views.report.cards import Card, cards
+from tcrdata.views.report.cards import Card, RuleWords, cards
 from tcrdata.views.report.charts import Bin, histogram
 from tcrdata.views.report.html import count, counted, number, table, tag, text
 
@@ -138,7 +138,7 @@ _DRIVE_COLUMNS = {
 }
 
 
-def examples(groups: Mapping[str, list[Card]], units: Mapping[str, str]) -> str:
+def examples(groups: Mapping[str, list[Card]], words: Mapping[str, RuleWords]) -> str:
     """Return the gallery, kind by kind."""
     if not groups:
         return tag("p", "The store holds no candidates.", class_="note")
@@ -146,7 +146,7 @@ def examples(groups: Mapping[str, list[Card]], units: Mapping[str, str]) -> str:
     for kind, (title, told) in _GROUPS.items():
         found = groups.get(kind)
         parts += [tag("h3", title), tag("p", told, class_="how")]
-        parts.append(cards(found, units) if found else tag("p", "There is none.", class_="note"))
+        parts.append(cards(found, words) if found else tag("p", "There is none.", class_="note"))
     return "".join(parts)
 
 

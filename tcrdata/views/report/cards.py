@@ -15,6 +15,19 @@ _SOURCES_SHOWN = {"free_space": "free space"}
 
 
 @dataclass(frozen=True)
+class RuleWords:
+    """How a rule is spoken of.
+
+    Attributes:
+        unit: of its value and bound; empty without one.
+        needs: its condition, for rules that compare no numbers.
+    """
+
+    unit: str = ""
+    needs: str = ""
+
+
+@dataclass(frozen=True)
 class Card:
     """One candidate.
 
@@ -33,23 +46,23 @@ class Card:
     truth: str
 
 
-def cards(group: Sequence[Card], units: Mapping[str, str]) -> str:
+def cards(group: Sequence[Card], words: Mapping[str, RuleWords]) -> str:
     """Return the cards of one kind.
 
     Args:
         group: in order.
-        units: rule to the unit of its value.
+        words: rule to what is said of its numbers.
     """
-    return tag("div", *(_card(card, units) for card in group), class_="cards")
+    return tag("div", *(_card(card, words) for card in group), class_="cards")
 
 
-def _card(card: Card, units: Mapping[str, str]) -> str:
+def _card(card: Card, words: Mapping[str, RuleWords]) -> str:
     both = card.camera and card.above
     views = tag("div", card.camera, card.above, class_="views" if both else "views single")
     told = tag(
         "div",
-        tag("p", why(card.row, card.verdicts, units), class_="why"),
-        _strip(card.verdicts, units),
+        tag("p", why(card.row, card.verdicts, words), class_="why"),
+        _strip(card.verdicts, words),
         tag("p", _meta(card), class_="meta"),
         _id(card.row["proposal_id"]),
         class_="told",
@@ -57,7 +70,7 @@ def _card(card: Card, units: Mapping[str, str]) -> str:
     return tag("article", views, told, class_="card")
 
 
-def why(row: Row, verdicts: Sequence[Row], units: Mapping[str, str]) -> str:
+def why(row: Row, verdicts: Sequence[Row], words: Mapping[str, RuleWords]) -> str:
     """Return the sentence that says what decided, as HTML."""
     by_rule = {verdict["rule"]: verdict for verdict in verdicts}
     verdict = by_rule.get(row["deciding_rule"])
@@ -65,29 +78,39 @@ def why(row: Row, verdicts: Sequence[Row], units: Mapping[str, str]) -> str:
         if row["kind"] == "rejected":
             return "Passes every rule; the preset's own select leaves it out."
         if row["state"] == "ignore":
-            return "Ignored: passes every rule here, and the selection leaves it undecided."
+            return f"Ignored: passes every rule here, and {_undecided(row)}."
         return f"Accepted, score {number(row['score'])}; no rule of it compares numbers."
-    numbers = _numbers(verdict, units.get(verdict["rule"], ""))
+    numbers = text(_numbers(verdict, words.get(verdict["rule"], RuleWords())))
     rule = tag("b", text(verdict["rule"]))
     if not verdict["fails"]:
         return f"Accepted, score {number(row['score'])}. Closest call: {rule}, {numbers}."
     what = "no evidence, which this preset requires" if verdict["passed"] is None else numbers
     more = verdict["failures"] - 1
     others = f", and {counted(more, 'more rule')}" if more else " alone"
-    said = "Ignored: fails" if row["state"] == "ignore" else "Fails"
-    return f"{said} {rule}{others}: {what}."
+    if row["state"] == "ignore":
+        return f"Ignored, since {_undecided(row)}. Fails {rule}{others}: {what}."
+    return f"Fails {rule}{others}: {what}."
 
 
-def _numbers(verdict: Row, unit: str) -> str:
+def _undecided(row: Row) -> str:
+    """Why a selection neither takes nor rejects a candidate, as HTML."""
+    because = row["ignored_because"]
+    if because is None:
+        return "the preset leaves it undecided"
+    return "looser bounds accept it" if because == "loosened" else f"{text(because)} accepts it"
+
+
+def _numbers(verdict: Row, words: RuleWords) -> str:
+    """Value and bound, or the condition of a rule that compares no numbers; plain text."""
     value, bound = verdict["value"], verdict["bound"]
     if value is None or bound is None:
-        return "a rule without numbers"
+        return f"needs {words.needs}" if words.needs else "a rule without numbers"
     if math.isinf(bound):
-        return f"{measure(value, unit)}; no value would do"
-    return f"{measure(value, unit)}, bound {measure(bound, unit)}"
+        return f"{measure(value, words.unit)}; no value would do"
+    return f"{measure(value, words.unit)}, bound {measure(bound, words.unit)}"
 
 
-def _strip(verdicts: Sequence[Row], units: Mapping[str, str]) -> str:
+def _strip(verdicts: Sequence[Row], words: Mapping[str, RuleWords]) -> str:
     """A mark a rule, in the preset's order."""
     marks = []
     for verdict in verdicts:
@@ -97,7 +120,7 @@ def _strip(verdicts: Sequence[Row], units: Mapping[str, str]) -> str:
             kind, said = "p", "passes"
         else:
             kind, said = "a", "abstains"
-        numbers = _numbers(verdict, units.get(verdict["rule"], ""))
+        numbers = _numbers(verdict, words.get(verdict["rule"], RuleWords()))
         tip = f"{verdict['rule']} {said}" + (f": {numbers}" if kind != "a" else "")
         marks.append(tag("i", class_=kind, title=tip))
     return tag("div", *marks, class_="strip", role="img", aria_label=_summary(verdicts))

@@ -56,9 +56,9 @@ def number(value: float | None) -> str:
 
 
 def measure(value: float | None, unit: str) -> str:
-    """A number with its unit; shares and names have none."""
+    """A number with its unit, as plain text; shares and names have none."""
     shown = number(value)
-    return shown if unit in _PLAIN_UNITS or shown == NOTHING else f"{shown} {text(unit)}"
+    return shown if unit in _PLAIN_UNITS or shown == NOTHING else f"{shown} {unit}"
 
 
 def percent(part: float, whole: float) -> str:
