@@ -140,13 +140,13 @@ def _annotations(drive: Drive, category: str) -> Iterator[dict[str, Any]]:
     names = ("proposal_id", "previous_id", "next_id", "first_id", "visibility", "moving")
     links = zip(*(drive.links[name].to_pylist() for name in names), strict=True)
     points = part.labels["number_of_points"].to_pylist()
-    samples = part.frame_rows.tolist()
+    frames = part.frame_rows.tolist()
     attributes = attribute_names(category) or ()
     for row, (own, before, after, first, visibility, moving) in enumerate(links):
         known = bool(attributes) and moving is not None
         yield {
             "token": token("sample_annotation", own),
-            "sample_token": drive.sample(samples[row]),
+            "sample_token": drive.samples[frames[row]],
             "instance_token": token("instance", first),
             "attribute_tokens": [token("attribute", attributes[not moving])] if known else [],
             "visibility_token": "" if visibility is None else str(visibility),

@@ -36,6 +36,7 @@ class Drive:
         part: the sequence.
         scenes: (F,) number of the scene of each frame, from 1.
         links: rows of `exported_scenes.sql` that have a label, in the order of the labels.
+        samples: token of each frame's sample.
         global_T_ego: (F, 4, 4) poses; each scene has a global frame of its own.
     """
 
@@ -50,15 +51,12 @@ class Drive:
         self.links = rows.filter(rows["proposal_id"].is_valid())
         self.global_T_ego = chained_poses(steps)
         self._numbers: list[int] = part.frames["frame"].to_pylist()
+        self.samples = [self.key("sample", number) for number in self._numbers]
         self._times = [time // 1000 for time in part.frames["timestamp_ns"].to_pylist()]
 
     def key(self, kind: str, *what: object) -> str:
         """Return the token of something in this sequence."""
         return token(kind, self.part.dataset, self.part.sequence, *what)
-
-    def sample(self, row: int) -> str:
-        """Return the token of a frame's sample."""
-        return self.key("sample", self._numbers[row])
 
     def write(self, tables: Tables, sensors: Sensors) -> str:
         """Write the drive without its labels; returns the token of its log."""
@@ -95,12 +93,12 @@ class Drive:
             "description": f"{self.part.dataset} {self.part.sequence}, {numbers}",
             "log_token": log,
             "nbr_samples": len(rows),
-            "first_sample_token": self.sample(rows[0]),
-            "last_sample_token": self.sample(rows[-1]),
+            "first_sample_token": self.samples[rows[0]],
+            "last_sample_token": self.samples[rows[-1]],
         }
 
     def _samples(self, rows: list[int]) -> Iterator[dict[str, Any]]:
-        tokens = ["", *(self.sample(row) for row in rows), ""]
+        tokens = ["", *(self.samples[row] for row in rows), ""]
         scene = self.key("scene", int(self.scenes[rows[0]]))
         for place, row in enumerate(rows, 1):
             yield {
@@ -120,7 +118,7 @@ class Drive:
             width, height = found.sizes[row]
             yield {
                 "token": tokens[place],
-                "sample_token": self.sample(row),
+                "sample_token": self.samples[row],
                 "ego_pose_token": self.key("ego_pose", self._numbers[row]),
                 "calibrated_sensor_token": found.calibrations[row],
                 "filename": name,

@@ -28,6 +28,7 @@ SHARD_BYTES = 512_000_000
 """A shard ends before it would grow beyond this; a sample larger than that has one of its own."""
 
 _BLOCK_BYTES = 512
+_ENCODER = json.JSONEncoder(allow_nan=False)
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def _samples(chosen: ChosenLabels, options: ExportOptions) -> Iterator[_Sample]:
             if files.has_image(row) and not options.labels_only:
                 image = files.encoded(row)
                 members[image.suffix] = image.data
-            members[".json"] = json.dumps(record, allow_nan=False).encode()
+            members[".json"] = _ENCODER.encode(record).encode()
             yield _Sample(f"{part.sequence}/{record['frame']:06d}", members)
 
 
