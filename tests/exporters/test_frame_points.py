@@ -13,7 +13,8 @@ from tcrdata.exporters.frame_points import lidar_boxes, lidar_poses
 from tcrdata.exporters.labels import ExportOptions, SequenceLabels, chosen_labels
 from tcrdata.geometry.transforms import inverse
 
-PLACE = dict(x_m=1.0, y_m=0.5, z_m=8.0, length_m=4.0, width_m=2.0, height_m=1.5, yaw_rad=0.0)
+NAMES = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+PLACE = dict(zip(NAMES, (1.0, 0.5, 8.0, 4.0, 2.0, 1.5, 0.0), strict=True))
 
 
 def part_of(sensor: str) -> SequenceLabels:
