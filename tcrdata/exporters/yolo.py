@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tcrdata.errors import SettingsError
 from tcrdata.exporters.cameras import image_boxes
 from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
 from tcrdata.exporters.labels import (
@@ -28,7 +29,7 @@ from tcrdata.store import Store
 from tcrdata.types import BoolArray
 
 _CLASS = 0
-_LIST = "images.txt"
+_TRAIN, _VALIDATION = "train.txt", "val.txt"
 
 
 @dataclass
@@ -49,13 +50,14 @@ def export(
     Args:
         store: holds the selection; its dataset's images must still be where the build read them.
         selection_id: of the labels.
-        out: folder that gets `data.yaml`, `images.txt`, `images/`, `labels/` and, where there are
-            undecided labels, `ignore/`.
+        out: folder that gets `data.yaml`, `train.txt`, `val.txt`, `images/`, `labels/` and, where
+            there are undecided labels, `ignore/`.
         options: which labels, and how.
 
     Raises:
         TcrdataError: the folder is not empty, or two datasets have a sequence of one name.
         QueryError: the condition of `where` is none.
+        SettingsError: `validation` names a sequence that is none.
         MissingEvidenceError: there is no such selection, no positive label, or no image.
         FrameError: an image is gone since the build.
     """
@@ -64,16 +66,29 @@ def export(
     owners: dict[str, str] = {}
     with chosen_labels(store, selection_id, options) as chosen:
         check_images("yolo", chosen)
+        _check_validation(chosen, options)
         folder = open_folder(out, options.overwrite)
-        with (folder / _LIST).open("w", encoding="utf-8") as listing:
+        with (
+            (folder / _TRAIN).open("w", encoding="utf-8") as train,
+            (folder / _VALIDATION).open("w", encoding="utf-8") as validation,
+        ):
             for part in chosen.sequences():
                 check_name(owners, part)
+                listing = validation if part.sequence in options.validation else train
                 names = _write(folder, part, counts)
                 if not options.labels_only:
                     FrameImages(part).place_all(folder / "images")
                 listing.writelines(f"./images/{name}\n" for name in names)
-        (folder / "data.yaml").write_text(_data_yaml(options.category), encoding="utf-8")
+        (folder / "data.yaml").write_text(_data_yaml(options), encoding="utf-8")
     return _card(str(out), options, counts, chosen)
+
+
+def _check_validation(chosen: ChosenLabels, options: ExportOptions) -> None:
+    known = list(chosen.names)
+    if unknown := sorted(set(options.validation) - set(known)):
+        raise SettingsError(
+            f"--validation: '{unknown[0]}' is none of the exported sequences: {', '.join(known)}"
+        )
 
 
 def _write(folder: Path, part: SequenceLabels, counts: _Counts) -> list[str]:
@@ -113,21 +128,24 @@ def _lines(part: SequenceLabels) -> tuple[list[str], BoolArray]:
     return lines, np.asarray(~np.isnan(boxes).any(axis=1))
 
 
-def _data_yaml(category: str) -> str:
+def _data_yaml(options: ExportOptions) -> str:
     # JSON's strings are YAML's too. Without `path`, the folder of this file counts.
+    validation = _VALIDATION if options.validation else _TRAIN
     return (
-        "# The labels are not split: train and val are the same images.\n"
-        f"train: {_LIST}\nval: {_LIST}\nnames:\n  {_CLASS}: {json.dumps(category)}\n"
+        f"train: {_TRAIN}\nval: {validation}\nnames:\n  {_CLASS}: {json.dumps(options.category)}\n"
     )
 
 
 def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabels) -> Card:
     unseen = chosen.total + chosen.ignored - counts.positive - counts.ignored
     side = "the format has none: they stand in ignore/, as labels do in labels/; mask them yourself"
+    split = f"{_VALIDATION} lists the sequences of --validation, {_TRAIN} the others"
+    if not options.validation:
+        split = f"none, for want of --validation: train and val of data.yaml are both {_TRAIN}"
     conventions = (
         ("file", "labels/<sequence>/<frame>.txt: class, centre x, centre y, width, height"),
         ("images", image_line(options) + "; one without labels has an empty file"),
-        ("split", f"none: train and val of data.yaml are both {_LIST}"),
+        ("split", split),
         ("frame", "the image: x right, y down; the top left pixel's centre is 0, 0"),
         ("centre", "centre of the 2D box"),
         ("order", "x y width height"),
@@ -137,5 +155,5 @@ def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabel
         ("ignore", side if options.ignore == "keep" else "dropped"),
         ("left out", f"{unseen} labels that no image shows"),
     )
-    files = counts.images * (1 if options.labels_only else 2) + counts.ignore_files + 2
+    files = counts.images * (1 if options.labels_only else 2) + counts.ignore_files + 3
     return Card("yolo", out, files, counts.positive, counts.ignored, conventions)

@@ -9,7 +9,7 @@ import yaml
 from image_worlds import BOX_2D, PIXELS, drive, random_labels
 from label_worlds import box, label_row
 
-from tcrdata.errors import MissingEvidenceError, TcrdataError
+from tcrdata.errors import MissingEvidenceError, SettingsError, TcrdataError
 from tcrdata.exporters.labels import ExportOptions
 from tcrdata.exporters.yolo import export
 
@@ -41,7 +41,7 @@ def test_one_box_by_hand(tmp_path: Path) -> None:
     text = (tmp_path / "out" / "labels" / "0000" / "000001.txt").read_text()
     # (100 + 200) / 2 / 1200, (50.5 + 150) / 2 / 360, 100 / 1200, 99.5 / 360
     assert text == "0 0.12500000 0.27847222 0.08333333 0.27638889\n"
-    assert (card.labels, card.ignored, card.files) == (1, 0, 8)
+    assert (card.labels, card.ignored, card.files) == (1, 0, 9)
     data = yaml.safe_load((tmp_path / "out" / "data.yaml").read_text())
     assert data["names"] == {0: "Car"}
 
@@ -77,6 +77,18 @@ def test_ignore_regions_stand_aside_or_are_dropped(tmp_path: Path) -> None:
     dropped = export(store, "s1", out, ExportOptions(ignore="drop", overwrite=True))
     assert not (out / "ignore" / "0000" / "000000.txt").exists()
     assert [(c.labels, c.ignored) for c in (kept, dropped)] == [(1, 1), (1, 0)]
+
+
+def test_splits(tmp_path: Path) -> None:
+    store = drive(tmp_path, random_labels(3), sequences=("0000", "0001"))
+    out = tmp_path / "out"
+    export(store, "s1", out, ExportOptions(validation=("0001",)))
+    splits = [{path.parent.name for path in images_of(out, name)} for name in ("train", "val")]
+    assert splits == [{"0000"}, {"0001"}]
+    with pytest.raises(SettingsError, match="'0002' is none of the exported sequences: 0000, 0001"):
+        export(store, "s1", tmp_path / "no", ExportOptions(validation=("0002",)))
+    export(store, "s1", tmp_path / "all")
+    assert images_of(tmp_path / "all", "train") == images_of(tmp_path / "all", "val")
 
 
 def test_labels_alone(tmp_path: Path) -> None:
