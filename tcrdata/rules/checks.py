@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
+from tcrdata.rules.rounds import of_round
 from tcrdata.rules.scopes import scoped
 from tcrdata.rules.verdicts import verdicts_select
 
@@ -75,8 +76,7 @@ def _branch(selection: Mapping[str, Any], rule: str, text: str) -> str:
     """What one rule of one selection says, over the selection's round."""
     number = int(selection["round"])
     rounds = ",\n".join(
-        f"{_ALL}{table} as not materialized (select * from {table} where round = {number})"
-        for table in EVIDENCE_TABLES
+        f"{_ALL}{table} as not materialized {of_round(table, number)}" for table in EVIDENCE_TABLES
     )
     verdicts = scoped(text, EVIDENCE_TABLES, {table: _ALL + table for table in EVIDENCE_TABLES})
     literals = (selection["selection_id"], selection["name"], rule)

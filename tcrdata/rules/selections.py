@@ -18,6 +18,7 @@ from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.judging import judge
 from tcrdata.rules.preset_files import load_preset
 from tcrdata.rules.presets import FilledPreset, Preset
+from tcrdata.rules.rounds import of_round, rounds_read
 from tcrdata.store import FileEntry, Snapshot, Store, Unit
 from tcrdata.store.failures import current_failures, is_failure
 from tcrdata.store.filesystem import Filesystem
@@ -76,7 +77,7 @@ def select(
         preset: name, path or a loaded preset.
         overrides: parameter name to value, or its text.
         name: of the selection; the preset's without one.
-        round: EM round whose evidence is read.
+        round: EM round; its evidence is what was measured in round 1 and what its models say.
         snapshot: read its files instead of those of this moment.
         leave_out_unfinished: judge no proposal of a sequence that lacks a stage: another build
             may be at work on it, and selects when it is through.
@@ -97,7 +98,7 @@ def select(
         entry
         for entry in frozen.files
         if entry.table in EVIDENCE_TABLES
-        and entry.unit.round == round
+        and entry.unit.round in rounds_read(round)
         and not lacking.get((entry.unit.dataset, entry.unit.sequence), filled.cues)
     ]
     identity = _identity(filled, files, round)
@@ -129,7 +130,8 @@ def _lacking(
     stages: dict[tuple[str, str], set[str]] = defaultdict(set)
     for record in records:
         unit = record.unit
-        if unit.dataset != ANY_DATASET and unit.round == round and not is_failure(record):
+        measured = unit.dataset != ANY_DATASET and unit.round in rounds_read(round)
+        if measured and not is_failure(record):
             stages[unit.dataset, unit.sequence].add(unit.stage)
     if not stages:
         raise MissingEvidenceError(
@@ -207,7 +209,7 @@ def _rows(
         for batch in _batches(files):
             connection.execute(f"drop schema if exists {_BATCH} cascade")
             create_views(connection, opened, batch, {}, _BATCH)
-            relations = {table: f"{_BATCH}.{table}" for table in EVIDENCE_TABLES}
+            relations = {t: of_round(f"{_BATCH}.{t}", unit.round) for t in EVIDENCE_TABLES}
             judgement = judge(connection, preset, relations)
             judged += judgement.judged
             labels = judgement.labels

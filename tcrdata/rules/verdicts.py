@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES, RULE_COLUMNS, Binder, Reads
+from tcrdata.rules.rounds import of_round
 from tcrdata.rules.scopes import scoped
 from tcrdata.rules.sql_files import SqlFile
 
@@ -36,11 +37,9 @@ def verdicts_select(selection: Mapping[str, Any]) -> str:
     rules, texts = selection["rules"], selection["rule_texts"]
     reads = _reads(rules, texts)
     number = int(selection["round"])
-    relations = {
-        table: f"(select * from {table} where round = {number})" for table in EVIDENCE_TABLES
-    }
+    relations = {table: of_round(table, number) for table in EVIDENCE_TABLES}
     wanted = _wanted(reads)
-    rows = f"(select {', '.join(wanted)} from proposals where round = {number})"
+    rows = f"(select {', '.join(wanted)} from {of_round('proposals', number)})"
     for place, (text, read) in enumerate(zip(texts, reads, strict=True)):
         rows = _judged(rows, place, text, read, relations)
     return f"select {_columns(selection)}\nfrom {rows}"

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rule_worlds import GOOD_TRACK, put, put_tracks
+from rule_worlds import GOOD_TRACK, PROPOSAL, put, put_tracks
 
 import tcrdata
 from tcrdata.errors import MissingEvidenceError, RuleError, StoreError
 from tcrdata.rules import load_preset, select, selections
 from tcrdata.rules.binding import EVIDENCE_TABLES
-from tcrdata.store import Store
+from tcrdata.store import Store, Unit
 
 Write = Callable[[str, str], Path]
 RULE = (
@@ -102,7 +102,8 @@ def test_judging_survivors_equals_the_definition(
     assert sorted(ids(store, made.selection_id)) == [row[0] for row in expected]
     carried = with_checks.sql(
         "select count(*) from labels l join checks c using (selection_id, proposal_id) "
-        "where l.state = 'positive' and c.passed is distinct from nullif(list_contains(l.carried_by, c.rule), false)"
+        "where l.state = 'positive' and "
+        "c.passed is distinct from nullif(list_contains(l.carried_by, c.rule), false)"
     ).fetchall()
     assert carried == [(0,)]
 
@@ -289,3 +290,24 @@ def test_no_proposals_make_an_empty_selection(store: Store) -> None:
     made = select(store, "tcrdata")
     assert (made.proposals_judged, made.labels) == (0, 0)
     assert store.newest_selection() == made.selection_id
+
+
+def test_a_later_round_reads_what_was_measured_once_and_its_own_models(store: Store) -> None:
+    put_tracks(store, "a", [GOOD_TRACK])
+    first = select(store, "tcrdata")
+    for number in (2, 3):
+        seen = {**PROPOSAL, **GOOD_TRACK, "z_m": 10.0 * number}
+        seen["proposal_id"] = f"d/a/seen-{number}"
+        rows = {n: [v] for n, v in seen.items() if n not in ("dataset", "sequence", "round")}
+        with store.writer(Unit("net", "d", "a", number), settings_hash="x", inputs={}) as writer:
+            writer.append("proposals", rows)
+    made = select(store, "tcrdata", round=3)
+    assert ids(store, made.selection_id) == ["d/a/000000", "d/a/seen-3"]
+    assert ids(store, first.selection_id) == ["d/a/000000"]
+    (label, _) = [row for row in store.read("labels").to_pylist() if row["round"] == 3]
+    assert label["proposal_id"] == "d/a/000000"
+    judged = tcrdata.open(store.url).sql(
+        f"select bool_and(passed) from checks where selection_id = '{made.selection_id}' "
+        "and rule = 'cycle_error'"
+    )
+    assert judged.fetchall() == [(True,)]  # egomotion of round 1 serves proposals of round 3
