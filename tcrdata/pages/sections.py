@@ -55,7 +55,8 @@ LEFT_OUT = ""
 _GROUPS = {
     "accepted": (
         "Accepted: a fair sample",
-        "Drawn by lot, one a track; nobody chose them for their looks.",
+        "Drawn by lot, in turn of the tracks, those in the camera's sight first: nobody chose them "
+        "for their looks. The box of the label is blue.",
     ),
     "barely": (
         "Accepted, but only just",
@@ -68,8 +69,8 @@ _GROUPS = {
     ),
     "rejected": (
         "Rejected",
-        "Of each rule that is the first to fail candidates: the one with the most points, and one "
-        "drawn by lot.",
+        "For each rule that is the first to fail candidates some are drawn by lot: here is one of "
+        "them, and the one with the most points.",
     ),
 }
 _DRIVES_LISTED = 1000
