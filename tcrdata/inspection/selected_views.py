@@ -71,7 +71,7 @@ def _narrow(
     connection: duckdb.DuckDBPyConnection, schema: str, rows: Sequence[dict[str, Any]], name: str
 ) -> str:
     """Make a schema with the evidence of another, of the asked proposals alone."""
-    columns = ", ".join(sorted({column for row in rows for column in columns_read(row)}))
+    columns = ", ".join(columns_read(rows))
     connection.execute(f"create schema {name}")
     for table in EVIDENCE_TABLES:
         if table != "proposals":

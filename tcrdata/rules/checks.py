@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.rounds import of_round
 from tcrdata.rules.scopes import scoped
-from tcrdata.rules.verdicts import verdicts_select
+from tcrdata.rules.verdicts import verdicts_selects
 
 if TYPE_CHECKING:
     import duckdb
@@ -69,7 +69,7 @@ def checks_view_sql(selections: Sequence[Mapping[str, Any]]) -> str:
 
 def verdicts_view_sql(selections: Sequence[Mapping[str, Any]]) -> str:
     """SQL of the view `verdicts`, one branch a selection; see `checks_view_sql`."""
-    return "\nunion all\n".join(verdicts_select(selection) for selection in selections)
+    return "\nunion all\n".join(verdicts_selects(selections))
 
 
 def _branch(selection: Mapping[str, Any], rule: str, text: str) -> str:

@@ -25,42 +25,54 @@ _MARGIN = (
 )
 
 
-def verdicts_select(selection: Mapping[str, Any]) -> str:
-    """SQL of a selection's rows of `verdicts`; it names evidence tables without a schema.
+def verdicts_selects(selections: Sequence[Mapping[str, Any]]) -> list[str]:
+    """SQL of each selection's rows of `verdicts`; it names evidence tables without a schema.
 
     Args:
-        selection: a row of `selections`.
+        selections: rows of `selections`.
 
     Raises:
         RuleError: a rule's text does not bind on this version's tables.
     """
-    rules, texts = selection["rules"], selection["rule_texts"]
-    reads = _reads(rules, texts)
-    number = int(selection["round"])
-    relations = {table: of_round(table, number) for table in EVIDENCE_TABLES}
-    wanted = _wanted(reads)
-    rows = f"(select {', '.join(wanted)} from {of_round('proposals', number)})"
-    for place, (text, read) in enumerate(zip(texts, reads, strict=True)):
-        rows = _judged(rows, place, text, read, relations)
-    return f"select {_columns(selection)}\nfrom {rows}"
+    reads = _reads(selections)
+    return [_select(selection, reads) for selection in selections]
 
 
-def columns_read(selection: Mapping[str, Any]) -> list[str]:
-    """Columns of `proposals` that a selection's rows of `verdicts` are made from, sorted."""
-    return _wanted(_reads(selection["rules"], selection["rule_texts"]))
+def columns_read(selections: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Columns of `proposals` that the selections' rows of `verdicts` are made from, sorted."""
+    return _wanted(_reads(selections).values())
 
 
-def _wanted(reads: Sequence[Reads]) -> list[str]:
+def _reads(selections: Sequence[Mapping[str, Any]]) -> dict[str, Reads]:
+    """Each different text of a rule with what it reads."""
+    texts = {
+        text: rule
+        for selection in selections
+        for rule, text in zip(selection["rules"], selection["rule_texts"], strict=True)
+    }
+    with Binder() as binder:
+        return {
+            text: binder.bind(
+                SqlFile(Path(rule), "", {}, (), text, 1), {}, RULE_COLUMNS, alone=True
+            )
+            for text, rule in texts.items()
+        }
+
+
+def _wanted(reads: Iterable[Reads]) -> list[str]:
     return sorted({*_KEYS, *(column for read in reads for column in read.columns)})
 
 
-def _reads(rules: Sequence[str], texts: Sequence[str]) -> list[Reads]:
-    """What each rule reads, from its text."""
-    with Binder() as binder:
-        return [
-            binder.bind(SqlFile(Path(rule), "", {}, (), text, 1), {}, RULE_COLUMNS, alone=True)
-            for rule, text in zip(rules, texts, strict=True)
-        ]
+def _select(selection: Mapping[str, Any], reads: Mapping[str, Reads]) -> str:
+    """SQL of one selection's rows."""
+    texts = selection["rule_texts"]
+    number = int(selection["round"])
+    relations = {table: of_round(table, number) for table in EVIDENCE_TABLES}
+    wanted = _wanted(reads[text] for text in texts)
+    rows = f"(select {', '.join(wanted)} from {of_round('proposals', number)})"
+    for place, text in enumerate(texts):
+        rows = _judged(rows, place, text, reads[text], relations)
+    return f"select {_columns(selection)}\nfrom {rows}"
 
 
 def _judged(rows: str, place: int, text: str, read: Reads, relations: Mapping[str, str]) -> str:

@@ -107,7 +107,6 @@ def test_only_the_columns_that_rules_read_are_carried(store: Store, write_sql: W
         "from proposals p"
     )
     select(store, own_preset(write_sql, text))
-    (row,) = store.read("selections").to_pylist()
-    assert columns_read(row) == [
+    assert columns_read(store.read("selections").to_pylist()) == [
         "dataset", "frame", "proposal_id", "range_m", "round", "sequence", "source",
     ]  # fmt: skip
