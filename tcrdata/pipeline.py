@@ -17,7 +17,7 @@ from tcrdata.frame_ranges import FrameRanges
 from tcrdata.ingest import frames_of, ingest_frames, ingest_truth, unit_inputs
 from tcrdata.outcomes import BuildReport, State, UnitOutcome
 from tcrdata.plan import FRAMES, TRUTH, Plan, needed_stages
-from tcrdata.rules import Selection, preset_names, select
+from tcrdata.rules import Selection, select
 from tcrdata.store import Store, Unit, open_store
 from tcrdata.store.failures import clear_failure, record_failure
 from tcrdata.types import CueInput, Dataset, Map, SequenceInfo
@@ -41,7 +41,7 @@ def plan_build(
         root: where it lies.
         sequences: which ones; None for all.
         frames: which frames of each; None for all.
-        presets: presets whose evidence is needed; `all` for every one.
+        presets: presets whose evidence is needed; `all` for every one that needs no model.
         assignments: `cue.field=value` for cues, `parameter=value` for rules.
 
     Raises:
@@ -50,7 +50,7 @@ def plan_build(
     """
     adapter = registry.find("datasets", dataset).open_dataset(root)
     values = assignments or {}
-    names = preset_names() if "all" in presets else presets
+    names = planning.first_round_presets() if "all" in presets else presets
     parameters = {name: text for name, text in values.items() if "." not in name}
     loaded = planning.loaded_presets(names, parameters)
     cues = planning.ordered_cues({cue for preset in loaded for cue in preset.cues})

@@ -118,6 +118,18 @@ def loaded_presets(names: Iterable[str], parameters: dict[str, str]) -> list[Pre
     return presets
 
 
+def first_round_presets() -> tuple[str, ...]:
+    """Return the presets that ship with tcrdata and read no cue that needs a trained model."""
+    return tuple(
+        name
+        for name in preset_names()
+        if not any(
+            getattr(registry.find("evidence", cue), "NEEDS_MODEL", None)
+            for cue in load_preset(name).cues
+        )
+    )
+
+
 def own_parameters(preset: Preset, parameters: dict[str, str]) -> dict[str, str]:
     """Return those overrides that a preset has: with several presets each takes its own."""
     return {name: text for name, text in parameters.items() if name in preset.parameters}

@@ -67,13 +67,23 @@ def error_rows(errors: list[tuple[int, str]]) -> list[Rows]:
     return [Rows("errors", {"frame": [e[0] for e in errors], "error": [e[1] for e in errors]})]
 
 
-def read_encoded(tables: Tables, frame: int, cue: str) -> EncodedPoints | None:
-    """Return what an earlier stage measured, still encoded; None when that frame has no row."""
+def read_encoded(
+    tables: Tables, frame: int, cue: str, *, round: int | None = None
+) -> EncodedPoints | None:
+    """Return what an earlier stage measured, still encoded; None when that frame has no row.
+
+    Args:
+        tables: of the sequence.
+        frame: number of the frame.
+        cue: what was measured.
+        round: EM round that measured it; the tables' own when None.
+    """
     table = tables.read(
         "point_evidence",
         columns=["codec", "data", "number_of_points", "summary"],
         cue=cue,
         frame=frame,
+        **({} if round is None else {"round": round}),
     )
     rows = table.to_pylist()
     if not rows:

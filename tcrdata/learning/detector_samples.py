@@ -11,7 +11,6 @@ from scipy import ndimage
 from tcrdata import registry
 from tcrdata.errors import SettingsError
 from tcrdata.geometry.boxes import points_in_box
-from tcrdata.geometry.transforms import level_project
 from tcrdata.learning.augmentation import (
     SweepAugmentation,
     SweepChange,
@@ -19,8 +18,8 @@ from tcrdata.learning.augmentation import (
     erased_points,
 )
 from tcrdata.networks.center_targets import LabelBoxes, TargetSettings
-from tcrdata.networks.grids import Region, Sweep
-from tcrdata.types import BoolArray, Float32Array, FloatArray, Frame
+from tcrdata.networks.grids import Region, Sweep, pixel_colours, projected
+from tcrdata.types import BoolArray, Float32Array
 
 BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 NEGATIVES = ("near", "sure", "everywhere")
@@ -52,7 +51,7 @@ class DetectorSamples:
         known = known_background(row, xyz[unsure_points(row, xyz, labels)], labels, region)
         made = module.targets_of(labels, known, self.network_settings, self.targets)
         height = row["height_m"].astype(np.float32) * np.float32(change.scale / row["metric_scale"])
-        colours = point_colours(row)
+        colours = pixel_colours(row.get("image"), row["camera"], row["points"])
         sweep = Sweep(xyz, height + np.float32(change.shift_m), row["ground"], colours)
         key = f"{row['dataset']}/{row['sequence']}/{row['frame']:06d}"
         return {"input": module.image_of(sweep, self.network_settings), **made, "key": key}
@@ -93,31 +92,6 @@ def label_boxes(row: dict[str, Any]) -> LabelBoxes:
     positive = np.array([label["positive"] for label in listed], dtype=bool)
     moving = np.array([label.get("moving", False) for label in listed], dtype=bool)
     return LabelBoxes(boxes, positive, moving)
-
-
-def projected(frame: Frame, xyz: Float32Array) -> FloatArray:
-    """Return (N, 2) pixels of points; NaN where the camera does not see them."""
-    pixels = np.full((len(xyz), 2), np.nan)
-    if frame.level_projection is None or frame.camera is None:
-        return pixels
-    ahead = np.flatnonzero(xyz[:, 2] > 0)
-    found, depth = level_project(frame.level_projection, xyz[ahead])
-    u, v = found.T
-    seen = (depth > 0) & (u >= 0) & (u < frame.camera.width_px)
-    seen &= (v >= 0) & (v < frame.camera.height_px)
-    pixels[ahead[seen]] = found[seen]
-    return pixels
-
-
-def point_colours(row: dict[str, Any]) -> Float32Array:
-    """Return (N, 3) colours in [0, 1] of the points' pixels; zeros where there are none."""
-    colours = np.zeros((len(row["points"]), 3), dtype=np.float32)
-    if row.get("image") is not None:
-        pixels = projected(row["camera"], row["points"])
-        seen = np.isfinite(pixels[:, 0])
-        column, line = pixels[seen].astype(np.int64).T
-        colours[seen] = row["image"][line, column] / np.float32(255)
-    return colours
 
 
 def unsure_points(row: dict[str, Any], xyz: Float32Array, labels: LabelBoxes) -> BoolArray:

@@ -30,6 +30,9 @@ TABLES = ("labels", "selections", "sequences", "frames", "images", "sweeps", "po
           "proposals", "confidences", "egomotions", "tracklets")  # fmt: skip
 """What a training query may read; ground truth is not among it."""
 
+NEEDED = ("labels", "sequences", "frames", "images", "sweeps")
+"""What a snapshot must cover."""
+
 _ROWS_A_BATCH = 256
 _WITH_FRAMES = f"""
 select q.* exclude (place), s.root, s.metric_scale, f as frame_row, i.image.path as image_path,
@@ -173,7 +176,8 @@ def open_frames(
 
     loaded = load_training_query(query) if isinstance(query, str) else query
     name = snapshot or freeze_training_tables(store)
-    covered = [table for table in TABLES if table in store.snapshot(name).tables]
+    frozen = store.snapshot(name).tables
+    covered = [table for table in TABLES if table in frozen or table in NEEDED]
     folder = tempfile.TemporaryDirectory(prefix="tcrdata-")
     index = str(Path(folder.name) / "frames.arrow")
     connection = store.connect(snapshot=name, tables=covered)

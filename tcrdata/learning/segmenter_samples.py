@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import points_in_box
 from tcrdata.learning.augmentation import ImageAugmentation, image_placement, jittered
-from tcrdata.learning.detector_samples import BOX, projected
+from tcrdata.learning.detector_samples import BOX
+from tcrdata.networks.grids import projected
 from tcrdata.networks.pyramid import STRIDE
 from tcrdata.types import BoolArray, FloatArray
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.types import BoolArray, Float32Array, IntArray
+from tcrdata.geometry.transforms import level_project
+from tcrdata.types import BoolArray, Float32Array, FloatArray, Frame, ImageArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,33 @@ def birds_eye_image(sweep: Sweep, region: Region, slices: HeightSlices) -> Float
     x, z = region.centers()
     image[slices.count + 3] = (np.hypot(x[None], z[:, None]) / region.far_m).ravel()
     return image.reshape(-1, region.rows, region.columns)
+
+
+def projected(frame: Frame, xyz: NDArray[np.floating]) -> FloatArray:
+    """Return (N, 2) pixels of points, metres; NaN where the camera does not see them."""
+    pixels = np.full((len(xyz), 2), np.nan)
+    if frame.level_projection is None or frame.camera is None:
+        return pixels
+    ahead = np.flatnonzero(xyz[:, 2] > 0)
+    found, depth = level_project(frame.level_projection, xyz[ahead])
+    u, v = found.T
+    seen = (depth > 0) & (u >= 0) & (u < frame.camera.width_px)
+    seen &= (v >= 0) & (v < frame.camera.height_px)
+    pixels[ahead[seen]] = found[seen]
+    return pixels
+
+
+def pixel_colours(
+    image: ImageArray | None, frame: Frame, xyz: NDArray[np.floating]
+) -> Float32Array:
+    """Return (N, 3) colours in [0, 1] of the points' pixels; zeros where there are none."""
+    colours = np.zeros((len(xyz), 3), dtype=np.float32)
+    if image is not None:
+        pixels = projected(frame, xyz)
+        seen = np.isfinite(pixels[:, 0])
+        column, line = pixels[seen].astype(np.int64).T
+        colours[seen] = image[line, column] / np.float32(255)
+    return colours
 
 
 def voxel_image(

@@ -21,12 +21,22 @@ class SequenceTables:
 
     def __init__(self, store: Store, dataset: str, sequence: str, round: int) -> None:
         self._store = store
-        self._keys = {"dataset": dataset, "sequence": sequence, "round": round}
-        self._entries: dict[str, list[FileEntry]] = {}
+        self._keys = {"dataset": dataset, "sequence": sequence}
+        self._round = round
+        self._entries: dict[tuple[str, int], list[FileEntry]] = {}
 
-    def read(self, table: str, columns: Sequence[str] | None = None, **equals: Any) -> pa.Table:
-        """Rows of this sequence and round; see `Store.read`."""
-        if table not in self._entries:
-            self._entries[table] = self._store.files(table, **self._keys)  # type: ignore[arg-type]
-        entries = self._entries[table]
-        return self._store.read_files(table, entries, columns, self._keys, equals)
+    def read(
+        self,
+        table: str,
+        columns: Sequence[str] | None = None,
+        *,
+        round: int | None = None,
+        **equals: Any,
+    ) -> pa.Table:
+        """Rows of this sequence, of its round unless another is named; see `Store.read`."""
+        number = self._round if round is None else round
+        listed = (table, number)
+        if listed not in self._entries:
+            self._entries[listed] = self._store.files(table, round=number, **self._keys)
+        keys = {**self._keys, "round": number}
+        return self._store.read_files(table, self._entries[listed], columns, keys, equals)

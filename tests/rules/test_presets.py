@@ -18,7 +18,7 @@ Write = Callable[[str, str], Path]
 
 
 def test_shipped_presets_load_together() -> None:
-    assert preset_names() == ["paper", "release", "tcrdata", "tcrdata_static"]
+    assert preset_names() == ["detector", "paper", "release", "tcrdata", "tcrdata_static"]
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
     assert presets["release"].fill().parameters["max_cycle_error_m"] == "0.1"

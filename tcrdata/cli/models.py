@@ -1,0 +1,42 @@
+"""`tcrdata models`: what was trained in a store."""
+
+from __future__ import annotations
+
+import json as json_text
+
+from tcrdata import console
+from tcrdata.cli.app import Flag, StoreUrl
+
+SHOWN = (
+    "model_id", "kind", "network", "labels_round", "labels", "snapshot", "seed", "samples",
+    "positives", "step", "steps", "first_loss", "last_loss",
+)  # fmt: skip
+
+
+def models(*, store: StoreUrl, kind: str | None = None, json: Flag = False) -> int:
+    """Show what was trained: on which labels and snapshot, with which settings and losses.
+
+    Args:
+        store: folder or URL of the store.
+        kind: detector or segmenter; both when left out.
+        json: print every model with its settings as JSON.
+    """
+    from tcrdata.reports import run_report
+    from tcrdata.store import open_store
+
+    connection = open_store(store).connect(tables=("models", "selections"))
+    relation = run_report(connection, "models", {"trained_kind": kind})
+    names = relation.columns
+    rows = [dict(zip(names, row, strict=True)) for row in relation.fetchall()]
+    for row in rows:
+        row["settings"] = json_text.loads(row["settings"])
+    if json:
+        console.print_json(rows)
+        return 0
+    console.print_table("models", SHOWN, [[row[name] for name in SHOWN] for row in rows])
+    unfinished = [row["kind"] for row in rows if not row["finished"]]
+    if unfinished:
+        console.say(f"next: tcrdata train {unfinished[0]} --store {store} --resume")
+    elif not rows:
+        console.say(f"no model yet; next: tcrdata train detector --store {store}")
+    return 0
