@@ -1,12 +1,13 @@
 -- Our default: tracks of what free space shows to have moved, refined over the whole track and
 -- filled in where they were hidden.
--- rules: source, travels, core_share, enough_points, height, range, not_overlapped,
---   near_observation, extended_points, cycle_error, alignment
+-- rules: source, travels, core_share, box_core_share, enough_points, height, range,
+--   not_overlapped, near_observation, extended_points, cycle_error, alignment
 -- required: source, alignment
 -- cues: odometry, tracks
 -- ignore: tcrdata_static
 -- loosened: min_travel_m = 2, min_age_frames = 3, min_travel_long_m = 1, min_straightness = 0.4,
---   min_straightness_long = 0.5, min_core_share = 0.35, min_points = 5, min_height_m = 0.3,
+--   min_straightness_long = 0.5, min_core_share = 0.35, min_box_core_share = 0.2,
+--   min_points = 5, min_height_m = 0.3,
 --   max_height_m = 5, max_overlapped_share = 0.7, max_frames_from_observation = 8,
 --   min_points_extended = 8, max_cycle_error_m = 0.8
 set variable taken_source = 'track';

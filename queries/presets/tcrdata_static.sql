@@ -1,12 +1,13 @@
 -- Our default, and things of a vehicle's shape that never moved while the clip ran. Where the
 -- centre of such a thing lies in the box of a track in the same frame, the track wins.
--- rules: source, travels, core_share, enough_points, height, range, not_overlapped,
---   near_observation, extended_points, static_length, static_width, static_height,
+-- rules: source, travels, core_share, box_core_share, enough_points, height, range,
+--   not_overlapped, near_observation, extended_points, static_length, static_width, static_height,
 --   static_edge_share, static_points, static_age, static_core_share, cycle_error, alignment
 -- required: source, alignment
 -- cues: odometry, tracks, static_clusters
 -- loosened: min_travel_m = 2, min_age_frames = 3, min_travel_long_m = 1, min_straightness = 0.4,
---   min_straightness_long = 0.5, min_core_share = 0.35, min_points = 5, min_height_m = 0.3,
+--   min_straightness_long = 0.5, min_core_share = 0.35, min_box_core_share = 0.2,
+--   min_points = 5, min_height_m = 0.3,
 --   max_height_m = 5, max_overlapped_share = 0.7, max_frames_from_observation = 8,
 --   min_points_extended = 8, max_cycle_error_m = 0.8,
 --   min_static_length_m = 2.2, max_static_length_m = 7, min_static_width_m = 0.8,

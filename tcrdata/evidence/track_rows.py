@@ -77,6 +77,7 @@ def statistics(
         "straightness": travel / length if length > 0 else 0.0,
         "at_clip_edge": world.begins(first) or world.ends(last),
         "track_core_share": float(np.nanmedian(np.nan_to_num(numbers["core_share"]))),
+        "track_box_core_share": _box_core_share(finished),
         "track_points": float(np.median(numbers["number_of_points"])),
         "track_height_m": shape.height,
         "track_range_min_m": float(min(ranges)),
@@ -84,6 +85,18 @@ def statistics(
         "seen_width_m": shape.path.seen_width,
         "refinement_residual_m": shape.path.residual_m,
     }
+
+
+def _box_core_share(finished: Finished) -> float | None:
+    """Return the median core share of what the boxes of the sightings hold; None if all are empty.
+
+    The cluster that was seen to move may be a sliver of what its box holds: of a wall, or of a
+    parked car that the own one passes closely.
+    """
+    pairs = zip(finished.places, finished.looks, strict=True)
+    shares = [look.measured["core_share"] for place, look in pairs if place.found == "observed"]
+    known = [share for share in shares if share is not None]
+    return float(np.median(known)) if known else None
 
 
 def confidence(columns: dict[str, Any], metric_scale: float) -> float:
