@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from tcrdata.views.report.html import number, tag, text
 
-_WIDTH, _HEIGHT = 300.0, 200.0
-_LEFT, _RIGHT, _TOP, _BOTTOM = 34.0, 12.0, 24.0, 30.0
+_WIDTH, _HEIGHT = 300.0, 252.0
+_LEFT, _RIGHT, _TOP, _BOTTOM = 34.0, 12.0, 24.0, 84.0
+_FOOT = _HEIGHT - _BOTTOM
 _BAR_HEIGHT = 128.0
 _BAR_LEFT = 6.0
 
@@ -76,18 +77,18 @@ def _unit_grid(x_name: str, y_name: str) -> str:
         parts.append(_line(_LEFT, y, _WIDTH - _RIGHT, y, kind))
         name = f"{level:g}"
         parts.append(tag("text", name, x=_LEFT - 6, y=f"{y + 3.5:.1f}", text_anchor="end"))
-        parts.append(tag("text", name, x=f"{x:.1f}", y=_HEIGHT - 15, text_anchor="middle"))
+        parts.append(tag("text", name, x=f"{x:.1f}", y=_FOOT + 15, text_anchor="middle"))
     middle = (_LEFT + _WIDTH - _RIGHT) / 2
-    parts.append(tag("text", text(x_name), x=f"{middle:g}", y=_HEIGHT - 2, text_anchor="middle"))
+    parts.append(tag("text", text(x_name), x=f"{middle:g}", y=_FOOT + 28, text_anchor="middle"))
     parts.append(tag("text", text(y_name), x=2, y=11))
     return "".join(parts)
 
 
 def _legend(lines: Sequence[Line]) -> str:
-    """Names at the bottom left, where curves of trusted labels seldom pass."""
+    """Names below the plot, where no curve can pass."""
     parts = []
     for place, line in enumerate(lines):
-        y = _HEIGHT - _BOTTOM - 12 - 16 * (len(lines) - 1 - place)
+        y = _FOOT + 47 + 16 * place
         swatch = f"M{_LEFT + 10:g} {y - 4:g}h20"
         parts.append(f'<path d="{swatch}" class="curve c{place}"/>')
         parts.append(tag("text", text(line.name), x=_LEFT + 37, y=f"{y:g}", class_="name"))
@@ -97,7 +98,7 @@ def _legend(lines: Sequence[Line]) -> str:
 def _place(x: float, y: float) -> tuple[float, float]:
     return (
         _LEFT + x * (_WIDTH - _LEFT - _RIGHT),
-        _HEIGHT - _BOTTOM - y * (_HEIGHT - _TOP - _BOTTOM),
+        _FOOT - y * (_FOOT - _TOP),
     )
 
 
