@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +31,8 @@ from tcrdata.types import (
     IntArray,
     Sensor,
 )
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -110,39 +113,39 @@ class FrameFailure:
 
 def gather_chunk(task: ChunkTask) -> list[list[Float32Array] | FrameFailure]:
     """Return the thinned (N, 3) level points of each cluster, frame by frame."""
-    result: list[list[Float32Array] | FrameFailure] = []
-    for item in task.frames:
-        try:
-            xyz = task.dataset.read_points(item.frame).xyz
-        except FrameError as error:
-            result.append(FrameFailure(item.frame.frame, str(error)))
-            continue
-        result.append([xyz[thinned(chosen, task.most_points)] for chosen in item.indices])
-    return result
+    return _each_frame(task, _gather)
 
 
 def look_chunk(task: ChunkTask) -> list[list[BoxLook | None] | FrameFailure]:
     """Return what each frame shows of each of its boxes; None for one around too few points."""
-    result: list[list[BoxLook | None] | FrameFailure] = []
+    return _each_frame(task, _look)
+
+
+def _each_frame(
+    task: ChunkTask, measure: Callable[[ChunkTask, FrameTask, Float32Array], T]
+) -> list[T | FrameFailure]:
+    result: list[T | FrameFailure] = []
     for item in task.frames:
         try:
             xyz = task.dataset.read_points(item.frame).xyz
         except FrameError as error:
             result.append(FrameFailure(item.frame.frame, str(error)))
-            continue
-        grid = sensor_grid(item.frame, task.sensor, LidarCells())
-        evidence = _evidence(item, len(xyz))
-        solid = np.flatnonzero(evidence["ground"] == 0)
-        view = _View(task, xyz, range_image(xyz, grid), grid, evidence, solid, xyz[solid])
-        result.append(
-            [
-                view.look(box, chosen, least)
-                for box, chosen, least in zip(
-                    item.boxes, item.indices, item.least_points, strict=True
-                )
-            ]
-        )
+        else:
+            result.append(measure(task, item, xyz))
     return result
+
+
+def _gather(task: ChunkTask, item: FrameTask, xyz: Float32Array) -> list[Float32Array]:
+    return [xyz[thinned(chosen, task.most_points)] for chosen in item.indices]
+
+
+def _look(task: ChunkTask, item: FrameTask, xyz: Float32Array) -> list[BoxLook | None]:
+    grid = sensor_grid(item.frame, task.sensor, LidarCells())
+    evidence = _evidence(item, len(xyz))
+    solid = np.flatnonzero(evidence["ground"] == 0)
+    view = _View(task, xyz, range_image(xyz, grid), grid, evidence, solid, xyz[solid])
+    boxes = zip(item.boxes, item.indices, item.least_points, strict=True)
+    return [view.look(box, chosen, least) for box, chosen, least in boxes]
 
 
 def thinned(indices: IntArray, most: int) -> IntArray:
