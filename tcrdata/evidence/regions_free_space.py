@@ -62,6 +62,9 @@ _FITS: dict[str, Callable[[NDArray[np.floating]], BevBox]] = {
 class Settings:
     """How regions are cut out; metres are multiplied by the sequence's metric scale.
 
+    The candidates' votes shape the clusters and decide nothing: a rule asks for core points, which
+    have more. Without them, clusters join what moves with the static things beside it.
+
     Attributes:
         candidate_votes: points with fewer free votes are not clustered.
         candidate_ratio: nor points with fewer free votes than this times their static votes.

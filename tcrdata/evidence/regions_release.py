@@ -34,6 +34,9 @@ SOURCE = "release"
 class Settings:
     """How regions are cut. Metres are multiplied by the sequence's metric scale.
 
+    Cosine and pixels are the released code's definition of its two voxel sets, which rules then
+    count: looser ones would join regions with their surroundings, and be another method.
+
     Attributes:
         voxel_m: side of a voxel.
         cosine_below: A: cosine of flow and egomotion flow.

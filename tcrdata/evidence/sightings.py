@@ -11,6 +11,9 @@ from tcrdata.types import BoolArray, FloatArray, IntArray
 class RefinementSettings:
     """How a track is refined; metres are multiplied by the metric scale.
 
+    The `vehicle_` proportions fill in a side that never came into view and decide nothing: what
+    the points show stays in the columns `seen_length_m` and `seen_width_m`, for rules to compare.
+
     Attributes:
         passes: rounds of heading, size, anchors and smoothing.
         length_quantile: of the extents along the heading, over the frames.

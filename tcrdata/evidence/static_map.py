@@ -17,7 +17,9 @@ from tcrdata.types import BoolArray, Float32Array, FloatArray, IntArray
 class MapSettings:
     """How objects are cut out; metres are multiplied by the metric scale.
 
-    The limits on size and points only bound the work: every rule asks for more.
+    The limits on size and points only bound the work: every rule asks for more. `static_votes`
+    shapes the map and decides nothing: with fewer votes, what moves smears into the objects that
+    it passes; whether an object was seen through is a column (`track_core_share`) and a rule.
 
     Attributes:
         static_votes: points with fewer static votes are left out.
