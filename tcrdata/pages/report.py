@@ -13,10 +13,11 @@ from tcrdata.errors import SettingsError
 from tcrdata.pages import sections
 from tcrdata.pages.gallery import gallery
 from tcrdata.pages.reading import Reading, read_selection
-from tcrdata.pages.rule_sheets import parameter_table, rule_book, rule_sheets
-from tcrdata.pages.scores import read_scores, score_section
+from tcrdata.pages.rule_sheets import RuleBook, parameter_table, rule_book, rule_sheets
+from tcrdata.pages.scores import Scores, read_scores, score_section
 from tcrdata.pages.summary import masthead
 from tcrdata.store import Store
+from tcrdata.views.report.cards import Card
 from tcrdata.views.report.document import Section, document
 
 
@@ -72,64 +73,39 @@ def _page(reading: Reading, path: Path) -> tuple[bytes, Report]:
     book = rule_book(reading.selection)
     examples = gallery(reading)
     (row,) = reading.selected("report_selection")
-    parts = [
-        Section(
-            "funnel",
-            "Funnel",
-            "Which rule decides what",
-            sections.FUNNEL,
-            sections.funnel(reading, book),
-        ),
-        Section(
-            "scores",
-            "Scores",
-            "Scores against ground truth",
-            sections.SCORES,
-            score_section(scores),
-        ),
-        Section(
-            "labels",
-            "Labels",
-            "What the labels are like",
-            sections.LABELS,
-            sections.labels(reading),
-        ),
-        Section("tracks", "Tracks", "Tracks over time", sections.TRACKS, sections.tracks(reading)),
-        Section(
-            "gallery",
-            "Gallery",
-            "Gallery",
-            sections.GALLERY,
-            sections.examples(examples, book.words()),
-        ),
-        Section(
-            "rules",
-            "Rules",
-            "The rules, as SQL",
-            sections.RULES,
-            rule_sheets(reading.selection, book),
-        ),
-        Section(
-            "parameters",
-            "Parameters",
-            "Parameters",
-            sections.PARAMETERS,
-            parameter_table(reading.selection, book),
-        ),
-        Section(
-            "left-out",
-            "Left out",
-            "What was left out",
-            sections.LEFT_OUT,
-            sections.left_out(reading),
-        ),
-    ]
     head = masthead(reading, row, scores, book)
+    parts = _sections(reading, scores, book, examples)
     title = f"{row['name']}: label report"
     page = document(title, head, parts, sections.footer(reading)).encode()
     cards = list(itertools.chain.from_iterable(examples.values()))
     pictured = sum("<image" in card.camera for card in cards)
     return page, Report(str(path), len(page), len(cards), pictured, not isinstance(scores, str))
+
+
+def _sections(
+    reading: Reading, scores: Scores | str, book: RuleBook, examples: dict[str, list[Card]]
+) -> list[Section]:
+    """The parts below the head, in order."""
+    chosen = reading.selection
+    return [
+        Section(name, short, title, lead, content)
+        for name, short, title, lead, content in (
+            ("funnel", "Funnel", "Which rule decides what", sections.FUNNEL,
+             sections.funnel(reading, book)),
+            ("scores", "Scores", "Scores against ground truth", sections.SCORES,
+             score_section(scores)),
+            ("labels", "Labels", "What the labels are like", sections.LABELS,
+             sections.labels(reading)),
+            ("tracks", "Tracks", "Tracks over time", sections.TRACKS, sections.tracks(reading)),
+            ("gallery", "Gallery", "Gallery", sections.GALLERY,
+             sections.examples(examples, book.words())),
+            ("rules", "Rules", "The rules, as SQL", sections.RULES, rule_sheets(chosen, book)),
+            ("parameters", "Parameters", "Parameters", sections.PARAMETERS,
+             parameter_table(chosen, book)),
+            ("left-out", "Left out", "What was left out", sections.LEFT_OUT,
+             sections.left_out(reading)),
+        )
+    ]  # fmt: skip
 
 
 def _write(path: Path, page: bytes) -> None:
