@@ -69,7 +69,7 @@ create table proposals (
     speed_mps double,                   -- speed at this frame; NULL without timestamps
     at_clip_edge boolean,               -- the track was observed in the first or the last frame
     track_core_share double,            -- median core_share over the track
-    track_box_core_share double,        -- tracks: median over the observed frames of the core share of all points in the box, no ground
+    track_box_core_share double,        -- tracks: median over the observed frames of the core share of all points in the box but ground; 0 when empty
     track_points double,                -- median number of points over the track
     track_height_m double,              -- height of the track's box
     track_range_min_m double,           -- nearest it came

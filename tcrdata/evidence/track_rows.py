@@ -87,16 +87,15 @@ def statistics(
     }
 
 
-def _box_core_share(finished: Finished) -> float | None:
-    """Return the median core share of what the boxes of the sightings hold; None if all are empty.
+def _box_core_share(finished: Finished) -> float:
+    """Return the median core share of what the boxes of the sightings hold; an empty one's is 0.
 
     The cluster that was seen to move may be a sliver of what its box holds: of a wall, or of a
     parked car that the own one passes closely.
     """
     pairs = zip(finished.places, finished.looks, strict=True)
     shares = [look.measured["core_share"] for place, look in pairs if place.found == "observed"]
-    known = [share for share in shares if share is not None]
-    return float(np.median(known)) if known else None
+    return float(np.median([share or 0.0 for share in shares]))
 
 
 def confidence(columns: dict[str, Any], metric_scale: float) -> float:
