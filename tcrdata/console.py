@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from rich.progress import Progress
 
+    from tcrdata.learning.training import Report
     from tcrdata.outcomes import UnitOutcome
 
 WIDTH_IN_A_FILE = 120
@@ -46,8 +47,39 @@ def failure(outcome: UnitOutcome) -> str:
     return f"failed: {_place(outcome)}: {outcome.error}"
 
 
+class BuildBar:
+    """A bar of units, and below it one of the steps of the training that runs."""
+
+    def __init__(self, bar: Progress, total: int) -> None:
+        self._bar = bar
+        self._units = bar.add_task("build", total=total)
+        self._steps = bar.add_task("train", total=None, visible=False)
+
+    def advance(self, outcome: UnitOutcome) -> None:
+        """Count a unit, and print what went wrong with it."""
+        description = f"{outcome.unit.sequence} {outcome.unit.stage}"
+        self._bar.update(self._units, advance=1, description=description)
+        self._bar.update(self._steps, visible=False)
+        if outcome.state == "failed":
+            self._bar.console.print(failure(outcome), soft_wrap=True, markup=False)
+        if outcome.state == "made":
+            for frame, message in outcome.frame_errors:
+                line = f"left out: {_place(outcome)} frame {frame}: {message}"
+                self._bar.console.print(line, soft_wrap=True, markup=False)
+
+    def trained(self, labels_round: int, kind: str, report: Report) -> None:
+        """Show how far a training is."""
+        said = (
+            f"{kind} of round {labels_round}: loss {report.loss:.3f}, "
+            f"{report.frames_per_s:.1f} frames/s"
+        )
+        self._bar.update(
+            self._steps, visible=True, completed=report.step, total=report.steps, description=said
+        )
+
+
 @contextmanager
-def build_progress(total: int) -> Iterator[Callable[[UnitOutcome], None]]:
+def build_progress(total: int) -> Iterator[BuildBar]:
     """Show a bar of units on stderr while a build runs; only failures when not a terminal."""
     from rich.console import Console
     from rich.progress import (
@@ -69,18 +101,7 @@ def build_progress(total: int) -> Iterator[Callable[[UnitOutcome], None]]:
     )
     # A notebook asks rich for colours; what it shows is no terminal all the same.
     with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as bar:
-        task = bar.add_task("build", total=total)
-
-        def advance(outcome: UnitOutcome) -> None:
-            bar.update(task, advance=1, description=f"{outcome.unit.sequence} {outcome.unit.stage}")
-            if outcome.state == "failed":
-                bar.console.print(failure(outcome), soft_wrap=True, markup=False)
-            if outcome.state == "made":
-                for frame, message in outcome.frame_errors:
-                    line = f"left out: {_place(outcome)} frame {frame}: {message}"
-                    bar.console.print(line, soft_wrap=True, markup=False)
-
-        yield advance
+        yield BuildBar(bar, total)
 
 
 def _place(outcome: UnitOutcome) -> str:

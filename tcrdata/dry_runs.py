@@ -9,9 +9,54 @@ from tcrdata.errors import DatasetError
 from tcrdata.ingest import unit_inputs
 from tcrdata.outcomes import BuildReport, UnitOutcome
 from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, needed_stages
+from tcrdata.rounds import Loop, finished_model, recipe_of
 from tcrdata.store import Store, Unit, open_store, store_exists
 from tcrdata.store.failures import current_failures
 from tcrdata.types import Dataset, SequenceInfo
+
+STAGE, ANY_DATASET = "model", "_"  # of a training
+
+
+def dry_rounds(loop: Loop, store_url: str) -> BuildReport:
+    """Return which units and trainings a build would make and which are done; writes nothing.
+
+    What follows from something that is to do is to do as well.
+    """
+    report = dry_run(loop.first, store_url)
+    for number in range(ROUND + 1, loop.rounds + 1):
+        models: dict[str, str] = {}
+        if not report.count("todo") and not report.count("failed"):
+            models = _models(loop, open_store(store_url), number - 1)
+        outcomes = [
+            UnitOutcome(
+                Unit(STAGE, ANY_DATASET, models.get(kind, kind), number - 1),
+                "done" if kind in models else "todo",
+            )
+            for kind in loop.kinds
+        ]
+        plan = loop.plan(number, models)
+        if len(models) == len(loop.kinds):
+            outcomes.extend(dry_run(plan, store_url).outcomes)
+        else:
+            units = (unit for sequence in plan.sequences for unit in plan.units(sequence))
+            outcomes.extend(UnitOutcome(unit, "todo") for unit in units)
+        report = BuildReport((*report.outcomes, *outcomes))
+    return report
+
+
+def _models(loop: Loop, store: Store, number: int) -> dict[str, str]:
+    """Kind to the id of the finished model of a round's newest labels, where there is one."""
+    leader = loop.plan(number, {}).loaded[0].name
+    newest = store.newest_selection(leader)
+    rows = store.read("selections", selection_id=newest, round=number).to_pylist()
+    if not rows:
+        rows = store.read("selections", preset=leader, round=number).to_pylist()
+    found = {
+        kind: finished_model(store, recipe_of(loop, kind), row["selection_id"])
+        for kind in loop.kinds
+        for row in rows[-1:]
+    }
+    return {kind: row["model_id"] for kind, row in found.items() if row and row["finished"]}
 
 
 def dry_run(plan: Plan, store_url: str) -> BuildReport:

@@ -19,7 +19,7 @@ from tcrdata.outcomes import BuildReport, State, UnitOutcome
 from tcrdata.plan import FRAMES, TRUTH, Plan, needed_stages
 from tcrdata.rules import Selection, select
 from tcrdata.store import Store, Unit, open_store
-from tcrdata.store.failures import clear_failure, record_failure
+from tcrdata.store.failures import clear_failure, current_failures, record_failure
 from tcrdata.types import CueInput, Dataset, Map, SequenceInfo
 
 Progress = Callable[[UnitOutcome], None]
@@ -107,7 +107,7 @@ def build(
 def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> Iterator[UnitOutcome]:
     """Make one sequence's units in order, yielding what became of each."""
     dataset: Dataset = registry.find("datasets", plan.dataset).open_dataset(plan.root)
-    failed: set[str] = set()
+    failed = _failed_before(store, plan, sequence)
     info: SequenceInfo | None = None
     for unit in plan.units(sequence):
         needs = needed_stages(unit.stage)
@@ -117,7 +117,7 @@ def build_sequence(store: Store, plan: Plan, sequence: str, parallel: Map) -> It
             continue
         started = time.perf_counter()
         try:
-            if unit.stage == FRAMES:
+            if info is None and unit.stage != TRUTH:
                 info = dataset.info(sequence)
             made = _made(store, plan, dataset, info, unit, parallel)
         except (DatasetError, EvidenceError) as error:
@@ -144,12 +144,21 @@ def _outcomes(store: Store, plan: Plan, workers: int) -> Iterator[UnitOutcome]:
                 yield from build_sequence(store, plan, sequence, parallel)
 
 
+def _failed_before(store: Store, plan: Plan, sequence: str) -> set[str]:
+    """Stages that the first round could not make of a sequence: later ones do without it."""
+    if plan.round == planning.ROUND:
+        return set()
+    records = store.sequence_records(plan.dataset_name, sequence)
+    return {unit.stage for unit in current_failures(records) if unit.round < plan.round}
+
+
 def _selections(store: Store, plan: Plan, snapshot: str | None) -> tuple[Selection, ...]:
     return tuple(
         select(
             store,
             preset,
             overrides=planning.own_parameters(preset, plan.parameters),
+            round=plan.round,
             snapshot=snapshot,
             leave_out_unfinished=True,
         )

@@ -33,6 +33,7 @@ class Plan:
         cue_settings: frozen settings, one a cue.
         parameters: overrides of rule parameters, name to SQL literal.
         loaded: the presets, read when the build was planned.
+        round: EM round; later ones than the first only measure with what was trained.
     """
 
     dataset: str
@@ -44,11 +45,16 @@ class Plan:
     cue_settings: dict[str, Any] = field(default_factory=dict)
     parameters: dict[str, str] = field(default_factory=dict)
     loaded: tuple[Preset, ...] = field(default=(), repr=False)
+    round: int = ROUND
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """The stages of one sequence, in order."""
+        return (FRAMES, TRUTH, *self.cues) if self.round == ROUND else self.cues
 
     def units(self, sequence: str) -> list[Unit]:
         """The units of work of one sequence, in order."""
-        stages = (FRAMES, TRUTH, *self.cues)
-        return [Unit(stage, self.dataset_name, sequence, ROUND) for stage in stages]
+        return [Unit(stage, self.dataset_name, sequence, self.round) for stage in self.stages]
 
     @property
     def dataset_name(self) -> str:
@@ -68,7 +74,8 @@ class Plan:
             "sequences": list(self.sequences),
             "frames": self.frames.text,
             "presets": list(self.presets),
-            "stages": [FRAMES, TRUTH, *self.cues],
+            "round": self.round,
+            "stages": list(self.stages),
             "settings": {cue: settings.as_plain(self.cue_settings[cue]) for cue in self.cues},
             "parameters": dict(sorted(self.parameters.items())),
         }
@@ -121,13 +128,20 @@ def loaded_presets(names: Iterable[str], parameters: dict[str, str]) -> list[Pre
 def first_round_presets() -> tuple[str, ...]:
     """Return the presets that ship with tcrdata and read no cue that needs a trained model."""
     return tuple(
-        name
-        for name in preset_names()
-        if not any(
-            getattr(registry.find("evidence", cue), "NEEDS_MODEL", None)
-            for cue in load_preset(name).cues
-        )
+        name for name in preset_names() if not any(map(speaks_anew, load_preset(name).cues))
     )
+
+
+def model_kind(cue: str) -> str | None:
+    """Return the kind of trained model that a cue measures with; None when it needs none."""
+    return getattr(registry.find("evidence", cue), "NEEDS_MODEL", None)
+
+
+def speaks_anew(stage: str) -> bool:
+    """Whether a stage is measured in every later round again: with a model, or from one's words."""
+    if stage in (FRAMES, TRUTH):
+        return False
+    return bool(model_kind(stage)) or any(map(speaks_anew, needed_stages(stage)))
 
 
 def own_parameters(preset: Preset, parameters: dict[str, str]) -> dict[str, str]:
@@ -190,14 +204,15 @@ def cue_inputs(store: Store, unit: Unit) -> dict[str, str]:
     """Return the digests of the records that a unit reads."""
     inputs: dict[str, str] = {}
     for stage in needed_stages(unit.stage):
-        record = store.record(Unit(stage, unit.dataset, unit.sequence, unit.round))
+        number = unit.round if speaks_anew(stage) else ROUND
+        record = store.record(Unit(stage, unit.dataset, unit.sequence, number))
         inputs[stage] = record.digest if record else "missing"
     return inputs
 
 
 def record_run(store: Store, plan: Plan) -> None:
     """Write the plan as a row of `runs`, unless this store has it already."""
-    unit = Unit("run", "_", plan.run_id, ROUND)
+    unit = Unit("run", "_", plan.run_id, plan.round)
     row = {
         "run_id": [plan.run_id],
         "command": ["build"],

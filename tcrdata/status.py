@@ -89,7 +89,7 @@ def planned_units(store: Store) -> set[Unit]:
     for row in store.read("runs").to_pylist():
         plan = json.loads(row["settings"])
         units |= {
-            Unit(stage, plan["dataset"], sequence, ROUND)
+            Unit(stage, plan["dataset"], sequence, plan.get("round", ROUND))
             for sequence in plan["sequences"]
             for stage in plan["stages"]
         }

@@ -25,6 +25,7 @@ LAYERS = (
         "executors",
         "dry_runs",
         "pipeline",
+        "rounds",
         "status",
         "pictures",
         "recordings",

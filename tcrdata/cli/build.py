@@ -41,11 +41,12 @@ def build(
         root: where the dataset lies; generated datasets take a spec such as `seed=1,frames=50`.
         sequences: only these, with commas between.
         frames: only these of each sequence: `0-49`, `0-9,20,30-`.
-        rounds: rounds of the EM loop.
+        rounds: rounds of the EM loop; those after the first train on the labels of the one before.
         preset: presets to select labels with, with commas between, or `all`.
         workers: worker processes; the machine's cores when left out.
         config: a TOML file of settings.
-        assignments: `cue.field=value` for a cue, `parameter=value` for a rule.
+        assignments: `cue.field=value` for a cue, `parameter=value` for a rule, `train.name=value`
+            for the trainings between rounds.
         snapshot: select labels from the evidence of this snapshot, not from what is made now.
         dry_run: say what would be made and stop.
         json: print the report as JSON.
@@ -57,16 +58,18 @@ def build(
         raise SettingsError(f"--workers {count}: at least one is needed")
     if count > 1 and not dry_run:
         executors.start_server()
-    from tcrdata import dry_runs, pipeline
+    from tcrdata.dry_runs import dry_rounds
+    from tcrdata.rounds import build_rounds, plan_rounds
 
-    if rounds != 1:
-        raise SettingsError(
-            f"--rounds {rounds}: this version makes round 1; later rounds need learned modules"
-        )
+    if rounds < 1:
+        raise SettingsError(f"--rounds {rounds}: at least one is needed")
+    if rounds > 1 and snapshot is not None:
+        raise SettingsError("--snapshot fixes the evidence: later rounds would measure anew")
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
-    plan = pipeline.plan_build(
+    loop = plan_rounds(
         dataset,
         root,
+        rounds=rounds,
         sequences=listed(sequences),
         frames=parse_frame_ranges(frames),
         presets=listed(preset) or (),
@@ -74,18 +77,22 @@ def build(
     )
     started = time.perf_counter()
     if dry_run:
-        report = dry_runs.dry_run(plan, store)
+        report = dry_rounds(loop, store)
     else:
-        total = len(plan.sequences) * (2 + len(plan.cues))
-        with console.build_progress(total) as progress:
-            report = pipeline.build(
-                plan, store, workers=count, progress=progress, snapshot=snapshot
+        with console.build_progress(loop.units) as bar:
+            report = build_rounds(
+                loop,
+                store,
+                workers=count,
+                progress=bar.advance,
+                trained=bar.trained,
+                snapshot=snapshot,
             )
     seconds = time.perf_counter() - started
     if json:
         console.print_json(printing.build_json(report, seconds))
     else:
-        printing.print_build(report, plan.sequences, store, seconds, only_plan=dry_run)
+        printing.print_build(report, loop.first.sequences, store, seconds, only_plan=dry_run)
     return 1 if report.count("failed") else 0
 
 

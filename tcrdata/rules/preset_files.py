@@ -9,12 +9,12 @@ from pathlib import Path
 from tcrdata.errors import RuleError, SettingsError
 from tcrdata.resources import resource_files, resource_folder
 from tcrdata.rules.binding import PRESET_COLUMNS, Binder
-from tcrdata.rules.presets import LOOSENED, Preset
+from tcrdata.rules.presets import LOOSENED, NEXT, Preset
 from tcrdata.rules.rule_files import Rule, check_described, check_unique, load_rules, names_in
 from tcrdata.rules.sql_files import Parameter, SqlFile, read_sql_file, uses
 
 FIELDS = ("rules", "required", "cues")
-MAY_HAVE = ("ignore", LOOSENED)
+MAY_HAVE = ("ignore", LOOSENED, NEXT)
 
 
 def preset_names() -> list[str]:

@@ -14,6 +14,9 @@ from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, to_literal
 LOOSENED = "loosened"
 """Name of the alternative that is the preset itself with looser bounds."""
 
+NEXT = "next"
+"""Field of a preset's header: the preset that selects in later rounds."""
+
 
 @dataclass(frozen=True)
 class FilledRule:
@@ -82,6 +85,11 @@ class Preset:
     reads: Reads
     loosened: Mapping[str, str] = field(default_factory=dict)
     others: tuple[Preset, ...] = ()
+
+    @property
+    def successor(self) -> str:
+        """Name of the preset that selects in the next round: itself where it names none."""
+        return self.file.fields.get(NEXT, "").strip() or self.name
 
     def fill(self, overrides: Mapping[str, object] | None = None) -> FilledPreset:
         """Settle every parameter and fill it in.

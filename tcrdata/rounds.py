@@ -1,0 +1,303 @@
+"""The EM loop: measure and select; learn from the labels; measure with what was learnt; repeat.
+
+Each round's evidence, labels and models stay in the store beside those of the others. A loop that
+was stopped goes on where it was: in the middle of a training, at its last checkpoint.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from tcrdata import pipeline
+from tcrdata import plan as planning
+from tcrdata.errors import SettingsError
+from tcrdata.frame_ranges import FrameRanges
+from tcrdata.outcomes import BuildReport, UnitOutcome
+from tcrdata.pipeline import Progress
+from tcrdata.plan import Plan
+from tcrdata.rules import Preset, Selection, load_preset
+from tcrdata.store import Store, Unit, open_store
+
+if TYPE_CHECKING:
+    from tcrdata.learning.runs import Recipe
+    from tcrdata.learning.training import Report
+
+LEADER = "tcrdata"
+"""Of all presets together, the one whose labels are learnt from."""
+
+_TRAIN = "train"
+
+Trained = Callable[[int, str, "Report"], None]
+"""Called after each step of a training: round of the labels, kind of the model, how far it is."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """All rounds of a build, fixed before it starts.
+
+    Attributes:
+        first: what the first round makes, with all that later ones read of it.
+        later: what each later round makes, None without one; with which models comes to be known.
+        rounds: how many.
+        training: `name=value` of the trainings; `detector.name` is for that kind alone.
+    """
+
+    first: Plan
+    later: Plan | None = None
+    rounds: int = planning.ROUND
+    training: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Kinds of models that are trained: those that no setting names."""
+        cues = self.later.cue_settings.items() if self.later else ()
+        kinds = {planning.model_kind(cue) for cue, own in cues if not getattr(own, "model", "")}
+        return tuple(sorted(kind for kind in kinds if kind))
+
+    @property
+    def units(self) -> int:
+        """Number of units of work, a training counted as one."""
+        own = len(self.first.stages) * len(self.first.sequences)
+        if self.later is None:
+            return own
+        each = len(self.later.stages) * len(self.later.sequences) + len(self.kinds)
+        return own + (self.rounds - planning.ROUND) * each
+
+    def plan(self, number: int, models: Mapping[str, str]) -> Plan:
+        """Return the plan of a round.
+
+        Args:
+            number: of the round.
+            models: kind to the id of the model that the round measures with.
+        """
+        if number == planning.ROUND or self.later is None:
+            return self.first
+        own = {
+            cue: _with_model(cue, settings, models)
+            for cue, settings in self.later.cue_settings.items()
+        }
+        return replace(self.later, round=number, cue_settings=own)
+
+
+def plan_rounds(
+    dataset: str,
+    root: str,
+    *,
+    rounds: int,
+    sequences: tuple[str, ...] | None = None,
+    frames: FrameRanges | None = None,
+    presets: tuple[str, ...] = ("tcrdata",),
+    assignments: Mapping[str, str] | None = None,
+) -> Loop:
+    """Return the plan of a build.
+
+    Args:
+        dataset: name or dotted path of a dataset adapter.
+        root: where it lies.
+        rounds: how many.
+        sequences: which ones; None for all.
+        frames: which frames of each; None for all.
+        presets: of the first round; the models learn from the labels of the first one named.
+        assignments: as in `plan_build`, and `train.name=value` for the trainings.
+
+    Raises:
+        SettingsError: PyTorch is missing, an unknown name or value, or a preset without successor.
+        DatasetError: the root is none of this dataset, or lacks a sequence.
+    """
+    values = dict(assignments or {})
+    if rounds == planning.ROUND:
+        return Loop(
+            pipeline.plan_build(
+                dataset, root, sequences=sequences, frames=frames, presets=presets,
+                assignments=values,
+            )
+        )  # fmt: skip
+    _check_torch(rounds)
+    training = {
+        name.partition(".")[2]: values.pop(name)
+        for name in list(values)
+        if name.startswith(f"{_TRAIN}.")
+    }
+    names = presets
+    if "all" in presets:
+        names = tuple(sorted(planning.first_round_presets(), key=lambda name: name != LEADER))
+    successors = tuple(dict.fromkeys(_successor(load_preset(name)) for name in names))
+    whole = pipeline.plan_build(
+        dataset,
+        root,
+        sequences=sequences,
+        frames=frames,
+        presets=(*names, *successors),
+        assignments=values,
+    )
+    first, later = (_part(whole, part, anew=part is successors) for part in (names, successors))
+    loop = Loop(first, later, rounds, training)
+    for kind in loop.kinds:
+        recipe_of(loop, kind)
+    return loop
+
+
+def build_rounds(
+    loop: Loop,
+    store_url: str,
+    *,
+    workers: int,
+    progress: Progress,
+    trained: Trained,
+    snapshot: str | None = None,
+) -> BuildReport:
+    """Run the loop: what is missing of each round is made, what is done is left as it is.
+
+    Args:
+        loop: what to build.
+        store_url: where; created when absent.
+        workers: worker processes.
+        progress: called with each unit's outcome as it is known.
+        trained: called after each step of a training.
+        snapshot: of one round, the evidence that is judged; see `pipeline.build`.
+
+    Raises:
+        TcrdataError: the store cannot be written, a round gives no labels to learn from, or a
+            training goes astray.
+    """
+    report = pipeline.build(
+        loop.first, store_url, workers=workers, progress=progress, snapshot=snapshot
+    )
+    if loop.later is None:
+        return report
+    store = open_store(store_url)
+    for number in range(planning.ROUND + 1, loop.rounds + 1):
+        if not report.selections:
+            break
+        leader = _leading(report, number - 1)
+        models: dict[str, str] = {}
+        for kind in loop.kinds:
+            outcome = _learn(store, loop, kind, leader, trained)
+            progress(outcome)
+            models[kind] = outcome.unit.sequence
+            report = replace(report, outcomes=(*report.outcomes, outcome))
+        plan = loop.plan(number, models)
+        made = pipeline.build(plan, store_url, workers=workers, progress=progress)
+        report = BuildReport(
+            (*report.outcomes, *made.outcomes), (*report.selections, *made.selections)
+        )
+    return report
+
+
+def recipe_of(loop: Loop, kind: str) -> Recipe:
+    """Return how a kind of model is trained.
+
+    Raises:
+        SettingsError: an unknown name or value.
+    """
+    from tcrdata.learning.runs import LOOPS, plan_recipe
+
+    own: dict[str, str] = {}
+    for name, text in loop.training.items():
+        first, _, rest = name.partition(".")
+        if first in LOOPS:
+            own |= {rest: text} if first == kind else {}
+        elif name not in own:
+            own[name] = text
+    return plan_recipe(kind, own)
+
+
+def finished_model(store: Store, recipe: Recipe, selection_id: str) -> dict[str, Any] | None:
+    """Return the row of the model of a recipe and labels, finished before begun ones; None if none.
+
+    Args:
+        store: that holds it.
+        recipe: all but the data.
+        selection_id: of the labels.
+    """
+    from tcrdata.learning.checkpoints import model_rows
+
+    rows = [
+        row
+        for row in model_rows(store)
+        if row["selection_id"] == selection_id and row["model_id"] == _model_id(recipe, row)
+    ]
+    return max(rows, key=lambda row: (row["finished"], row["step"]), default=None)
+
+
+def _model_id(recipe: Recipe, row: Mapping[str, Any]) -> str:
+    return recipe.identity(row["selection_id"], row["labels_round"], row["snapshot"]).model_id
+
+
+def _learn(store: Store, loop: Loop, kind: str, labels: Selection, trained: Trained) -> UnitOutcome:
+    """Train a kind on a selection, from the last checkpoint where there is one."""
+    from tcrdata.learning.runs import run_training
+
+    recipe = recipe_of(loop, kind)
+    row = finished_model(store, recipe, labels.selection_id)
+    model, made = run_training(
+        store,
+        recipe,
+        selection_id=labels.selection_id,
+        snapshot=row["snapshot"] if row else None,
+        resume=row is not None and not row["finished"],
+        report=lambda report: trained(labels.round, kind, report),
+    )
+    unit = Unit(model.unit.stage, model.unit.dataset, model.model_id, labels.round)
+    return UnitOutcome(unit, "made" if made else "done")
+
+
+def _leading(report: BuildReport, number: int) -> Selection:
+    """The selection of a round that models learn from: the first."""
+    return next(selection for selection in report.selections if selection.round == number)
+
+
+def _part(plan: Plan, names: tuple[str, ...], *, anew: bool) -> Plan:
+    """The part of a plan that is made once, or in each later round again, with its presets."""
+    cues = tuple(cue for cue in plan.cues if planning.speaks_anew(cue) == anew)
+    loaded = tuple(preset for preset in plan.loaded if preset.name in _stems(names))
+    own = {name for preset in loaded for name in preset.parameters}
+    return replace(
+        plan,
+        presets=names,
+        cues=cues,
+        cue_settings={cue: plan.cue_settings[cue] for cue in cues},
+        parameters={name: text for name, text in plan.parameters.items() if name in own},
+        loaded=loaded,
+        round=planning.ROUND + anew,
+    )
+
+
+def _stems(names: tuple[str, ...]) -> set[str]:
+    """Names of presets that may be given as paths."""
+    return {name.rpartition("/")[2].removesuffix(".sql") for name in names}
+
+
+def _successor(preset: Preset) -> str:
+    """Name of the preset that selects in the rounds after a preset's."""
+    if learnt := [cue for cue in preset.cues if planning.speaks_anew(cue)]:
+        raise SettingsError(
+            f"preset {preset.name} reads {learnt[0]}, which takes a model: the first round has "
+            "none; begin with a preset that names this one in a line `-- next:` of its header"
+        )
+    if preset.successor == preset.name:
+        raise SettingsError(
+            f"preset {preset.name} reads nothing that is learnt, so that later rounds would repeat "
+            "its labels: name a preset for them in a line `-- next:` of its header, or build one "
+            "round"
+        )
+    return preset.successor
+
+
+def _with_model(cue: str, settings: Any, models: Mapping[str, str]) -> Any:
+    """A cue's settings with the model of its kind, unless they name one already."""
+    kind = planning.model_kind(cue)
+    if kind is None or kind not in models or settings.model:
+        return settings
+    return replace(settings, model=models[kind])
+
+
+def _check_torch(rounds: int) -> None:
+    if importlib.util.find_spec("torch") is None:
+        raise SettingsError(
+            f"--rounds {rounds} trains networks, which takes PyTorch: "
+            "pip install 'tcrdata[train]', or build one round"
+        )
