@@ -211,8 +211,8 @@ def _check_finite(
     if not bool(torch.isfinite(loss)):
         wrong = [name for name, part in parts.items() if not bool(torch.isfinite(part))]
         raise TrainingError(
-            f"step {step + 1}: the loss is {float(loss.detach())} ({', '.join(wrong)}) on the frames "
-            f"{', '.join(batch['key'])}: look at their labels, or lower learning_rate; "
+            f"step {step + 1}: the loss is {float(loss.detach())} ({', '.join(wrong)}) on the "
+            f"frames {', '.join(batch['key'])}: look at their labels, or lower learning_rate; "
             "--resume goes on from the last checkpoint"
         )
 
