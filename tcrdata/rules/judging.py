@@ -50,12 +50,16 @@ def judge(
     presets = (preset, *preset.alternatives)
     panel = seats(presets)
     judged = count(connection, relations["proposals"])
-    relations = _of_sources(connection, presets, panel, relations)
+    alone = len(presets) == 1
+    if not alone:  # one preset's own filter reaches the files; several together do not
+        relations = _of_sources(connection, _opening(presets, panel, relations), relations)
     before = _everybody(presets, panel, _columns(presets), relations)
-    left = count(connection, before)
+    left = judged if alone else count(connection, before)
     for run in runs(panel):
         if left:
             left = _keep_survivors(connection, run, before, left, relations)
+            if alone and before != "survivors":
+                relations = _of_sources(connection, "survivors", relations)
             before = "survivors"
     if left:
         choose(connection, presets, relations)
@@ -90,16 +94,8 @@ def _columns(presets: Sequence[FilledPreset]) -> set[str]:
     return read | set(_BOX) if len(presets) > 1 else read
 
 
-def _of_sources(
-    connection: duckdb.DuckDBPyConnection,
-    presets: Sequence[FilledPreset],
-    panel: Sequence[Seat],
-    relations: Relations,
-) -> Relations:
-    """Relations without the sources of which the presets' opening rules let nothing through.
-
-    A file holds one source: those of the others are not read.
-    """
+def _opening(presets: Sequence[FilledPreset], panel: Sequence[Seat], relations: Relations) -> str:
+    """SQL of what the presets' opening rules let through, with few columns read."""
     texts = {preset.rules[0].select for preset in presets}
     opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
     columns = {"source", *(name for seat in opening for name in seat.rule.reads.columns)}
@@ -107,9 +103,15 @@ def _of_sources(
     after = _everybody(presets, panel, columns, {"proposals": nameless})
     for seat in opening:
         after = _after(seat, f"({_with_rows(seat, after, relations)})")
-    what = "rule " + " or ".join(seat.rule.name for seat in opening)
-    sql = f"select distinct source from {after} where alive <> 0 order by 1"
-    rows = run_sql(connection, sql, what).fetchall()
+    return f"(from {after} where alive <> 0)"
+
+
+def _of_sources(
+    connection: duckdb.DuckDBPyConnection, passing: str, relations: Relations
+) -> Relations:
+    """Relations without the sources of which nothing passes: a file holds one source."""
+    sql = f"select distinct source from {passing} order by 1"
+    rows = run_sql(connection, sql, "the rule that comes first").fetchall()
     listed = ["'" + source.replace("'", "''") + "'" for (source,) in rows]
     kept = f"source in ({', '.join(listed) or 'null'})"
     return {

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -23,6 +24,7 @@ from tcrdata.store import FileEntry, Snapshot, Store, Unit
 from tcrdata.store.failures import current_failures, is_failure
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import create_views
+from tcrdata.store.writer import Writer
 
 STAGE = "selection"
 ANY_DATASET = "_"
@@ -108,14 +110,25 @@ def select(
     made = not store.is_done(unit, identity, inputs)
     if made:
         with store.writer(unit, settings_hash=identity, inputs=inputs) as writer:
-            for table, columns in _rows(store, filled, frozen, files, unit, name):
-                writer.append(table, columns)
+            _append_beside(writer, _rows(store, filled, frozen, files, unit, name))
     store.point_to(unit.sequence, name)
     (row,) = store.read("selections", dataset=ANY_DATASET, sequence=unit.sequence).to_pylist()
     return Selection(
         unit.sequence, name, row["preset"], round, row["snapshot"], row["proposals_judged"],
         row["labels"], row["ignored"], made,
     )  # fmt: skip
+
+
+def _append_beside(writer: Writer, rows: Iterator[tuple[str, dict[str, Any]]]) -> None:
+    """Append rows in order, each batch while the next one is judged."""
+    with ThreadPoolExecutor(max_workers=1) as beside:
+        before: Future[None] | None = None
+        for table, columns in rows:
+            if before is not None:
+                before.result()
+            before = beside.submit(writer.append, table, columns)
+        if before is not None:
+            before.result()
 
 
 def _lacking(
