@@ -235,7 +235,7 @@ def package_versions() -> dict[str, str]:
     found: dict[str, str] = {}
     for package in (
         "duckdb", "kiss-icp", "numba", "numpy", "opencv-python-headless", "pyarrow",
-        "pypatchworkpp", "scikit-learn", "scipy", "shapely", "small-gicp",
+        "pypatchworkpp", "scikit-learn", "scipy", "shapely", "small-gicp", "torch",
     ):  # fmt: skip
         try:
             found[package] = version(package)
