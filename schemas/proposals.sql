@@ -7,8 +7,8 @@ create table proposals (
     sequence varchar not null,          -- drive or clip
     frame integer not null,             -- number of the frame
     round integer not null,             -- EM round
-    source varchar not null,            -- paper, release, free_space (one frame), track, static (many frames)
-    fit varchar not null,               -- how the box was fitted: min_area, l_shape or track
+    source varchar not null,            -- paper, release, free_space, detector (one frame), track, static, detected (many frames)
+    fit varchar not null,               -- how the box was fitted: min_area, l_shape, track, center_net or persistent
     region_id varchar not null,         -- the region it was fitted to; two fits of one region share it
     track_id varchar,                   -- tracks and static objects: the same in every frame
     found varchar not null,             -- observed, gap (between two sightings), extended (beyond the first or last)
@@ -76,6 +76,9 @@ create table proposals (
     seen_length_m double,               -- tracks: the length that its points show; length_m is more where a vehicle's proportions fill in
     seen_width_m double,                -- tracks: the width that its points show; width_m is more where a vehicle's proportions fill in
     refinement_residual_m double,       -- root mean square change of the anchors under smoothing
+    visible_frames integer,             -- detected: frames that show its place, not hidden and in the detector's reach
+    visible_share double,               -- detected: age_frames / visible_frames
+    best_half_score double,             -- detected: mean of the surer half of its detections' scores
     frames_from_observation integer,    -- distance to the nearest observed frame (0 = observed)
     overlapped_share double             -- largest share of the footprint that a surer track covers in the same frame
 );

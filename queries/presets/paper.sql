@@ -4,6 +4,7 @@
 -- required: source, motion_level, center_surround, cycle_error
 -- cues: flow_ransac, regions_paper
 -- ignore: release
+-- next: paper_ensemble
 -- loosened: min_points = 6, min_center_surround_chi2 = 0.35, max_cycle_error_m = 0.35
 set variable taken_source = 'paper';
 set variable taken_fit = 'min_area';

@@ -4,6 +4,7 @@
 -- required: source, voxels, voxel_sides, image_size, region_rank, cycle_error
 -- cues: flow_ransac, regions_release
 -- ignore: paper
+-- next: release_ensemble
 -- loosened: min_voxels = 64, max_regions = 24, max_cycle_error_m = 0.25
 set variable taken_source = 'release';
 set variable taken_fit = 'min_area';

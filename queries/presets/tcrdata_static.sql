@@ -5,6 +5,7 @@
 --   static_edge_share, static_points, static_age, static_core_share, cycle_error, alignment
 -- required: source, alignment
 -- cues: odometry, tracks, static_clusters
+-- next: tcrdata_learned
 -- loosened: min_travel_m = 2, min_age_frames = 3, min_travel_long_m = 1, min_straightness = 0.4,
 --   min_straightness_long = 0.5, min_core_share = 0.35, min_box_core_share = 0.2,
 --   min_points = 5, min_height_m = 0.3,

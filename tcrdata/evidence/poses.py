@@ -45,11 +45,17 @@ class Poses:
         )
 
 
-def read_poses(tables: Tables, method: str = "odometry") -> Poses:
-    """Return the chained poses of one method's egomotions of this sequence and round."""
-    rows = tables.read(
-        "egomotions", columns=["frame", "frame_to", "to_T_from"], method=method
-    ).to_pylist()
+def read_poses(tables: Tables, method: str = "odometry", *, round: int | None = None) -> Poses:
+    """Return the chained poses of one method's egomotions of this sequence.
+
+    Args:
+        tables: of the sequence.
+        method: that estimated them.
+        round: EM round in which; the tables' own when None.
+    """
+    columns = ["frame", "frame_to", "to_T_from"]
+    of_round = {} if round is None else {"round": round}
+    rows = tables.read("egomotions", columns=columns, method=method, **of_round).to_pylist()
     links = [(row["frame"], row["frame_to"], row["to_T_from"]) for row in rows]
     return chain(links)
 

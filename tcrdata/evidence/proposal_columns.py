@@ -28,7 +28,12 @@ def merged(*parts: Columns) -> Columns:
 
 
 def key_columns(
-    frame: Frame, source: str, fit: str, numbers: Sequence[int], metric_scale: float
+    frame: Frame,
+    source: str,
+    fit: str,
+    numbers: Sequence[int],
+    metric_scale: float,
+    round: int = 1,
 ) -> Columns:
     """Return the ids and what else all proposals of one source and fit share in a frame.
 
@@ -38,8 +43,9 @@ def key_columns(
         fit: min_area, l_shape or track.
         numbers: number of each region in its frame and source.
         metric_scale: of the sequence.
+        round: EM round; what a later one finds has ids of its own.
     """
-    base = f"{frame.dataset}/{frame.sequence}/{frame.frame:06d}/{source}"
+    base = f"{frame.dataset}/{frame.sequence}/{frame.frame:06d}/{of_round(source, round)}"
     count = len(numbers)
     return {
         "proposal_id": [f"{base}/{n:03d}/{fit}" for n in numbers],
@@ -50,6 +56,11 @@ def key_columns(
         "found": ["observed"] * count,
         "metric_scale": [metric_scale] * count,
     }
+
+
+def of_round(source: str, round: int) -> str:
+    """Return a source's name in ids: two rounds' third detection are not one object."""
+    return source if round == 1 else f"{source}.r{round}"
 
 
 def box_columns(boxes: NDArray[np.floating], frame: Frame) -> Columns:

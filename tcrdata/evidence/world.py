@@ -65,6 +65,13 @@ class World:
         """Return the (3,) place of the sensor in the world."""
         return self.point_to_world(frame, self.frames[frame].sensor_matrix[:3, 3])
 
+    def box_to_world(self, frame: int, box: FloatArray) -> FloatArray:
+        """Return a (7,) box of a frame's level frame in the world."""
+        turn = self.poses.world_T_level[frame][:3, :3]
+        heading = turn @ np.array([math.cos(box[6]), 0.0, -math.sin(box[6])])
+        center = self.point_to_world(frame, box[:3])
+        return np.array([*center, *box[3:6], math.atan2(-heading[2], heading[0])])
+
     def box_to_level(self, frame: int, box: FloatArray) -> FloatArray:
         """Return a (7,) box of the world in a frame's level frame."""
         pose = self.poses.world_T_level[frame]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tcrdata.errors import RuleError, SettingsError
+from tcrdata.plan import first_round_presets, speaks_anew
 from tcrdata.resources import resource_files
 from tcrdata.rules import load_preset, load_rules, preset_names
 from tcrdata.rules.preset_files import check_presets
@@ -18,12 +19,28 @@ Write = Callable[[str, str], Path]
 
 
 def test_shipped_presets_load_together() -> None:
-    assert preset_names() == ["detector", "paper", "release", "tcrdata", "tcrdata_static"]
+    assert preset_names() == [
+        "detector", "detector_faint", "paper", "paper_ensemble", "release", "release_ensemble",
+        "tcrdata", "tcrdata_learned", "tcrdata_static",
+    ]  # fmt: skip
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
     assert presets["release"].fill().parameters["max_cycle_error_m"] == "0.1"
     used = {rule.name for preset in presets.values() for rule in preset.rules}
     assert used == set(load_rules())
+
+
+def test_first_rounds_name_who_selects_after_them() -> None:
+    after = {name: load_preset(name).successor for name in first_round_presets()}
+    assert after == {
+        "paper": "paper_ensemble",
+        "release": "release_ensemble",
+        "tcrdata": "tcrdata_learned",
+        "tcrdata_static": "tcrdata_learned",
+    }
+    learnt = [load_preset(name) for name in after.values()]
+    assert all(any(map(speaks_anew, preset.cues)) for preset in learnt)
+    assert all(preset.successor == preset.name for preset in learnt)
 
 
 def test_a_preset_and_rules_of_ones_own(write_sql: Write) -> None:
@@ -74,7 +91,7 @@ def test_wrong_overrides_are_refused(overrides: dict[str, object], message: str)
 
 
 def test_unknown_preset_lists_those_there_are() -> None:
-    with pytest.raises(SettingsError, match="no preset 'papr'; there are paper, release, tcrdata"):
+    with pytest.raises(SettingsError, match="no preset 'papr'; there are detector, .*, tcrdata"):
         load_preset("papr")
     with pytest.raises(SettingsError, match=r"no preset '/nowhere/my\.sql'"):
         load_preset("/nowhere/my.sql")
