@@ -57,7 +57,7 @@ numbered as (
                                  order by on_track desc, number_key) - 1 as number
     from named
 )
-select l.dataset, l.sequence, l.frame, l.proposal_id, l.state, l.score, l.source, l.track_id,
+select l.dataset, l.sequence, l.frame, l.proposal_id, l.state, l.positive, l.score, l.source, l.track_id,
        if(positive, number, null)::integer as track_number,
        x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad,
        left_px, top_px, right_px, bottom_px, center_u_px, center_v_px,

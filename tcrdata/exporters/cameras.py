@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcrdata.exporters.labels import SequenceLabels, columns, matrices
+from tcrdata.exporters.arrays import columns, matrices, truths
+from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.geometry.boxes import box_corners_bev
 from tcrdata.types import BoolArray, FloatArray
 
@@ -70,8 +71,7 @@ def image_boxes(part: SequenceLabels) -> FloatArray:
 
 def has_camera(part: SequenceLabels) -> BoolArray:
     """Return (N,) which labels are in a frame with a camera."""
-    missing = np.asarray(part.frames["projection"].is_null())
-    return np.asarray(~missing[part.frame_rows])
+    return truths(part.frames["projection"].is_valid())[part.frame_rows]
 
 
 def shown(part: SequenceLabels) -> BoolArray:

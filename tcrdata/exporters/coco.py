@@ -17,6 +17,7 @@ from typing import IO, Any
 import numpy as np
 from pycocotools import mask as run_lengths
 
+from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import image_boxes
 from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
 from tcrdata.exporters.json_arrays import JsonArray
@@ -26,7 +27,6 @@ from tcrdata.exporters.labels import (
     ExportOptions,
     SequenceLabels,
     chosen_labels,
-    columns,
     open_folder,
 )
 from tcrdata.store import Store

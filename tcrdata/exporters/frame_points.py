@@ -8,7 +8,8 @@ import numpy as np
 
 from tcrdata import registry
 from tcrdata.errors import FrameError
-from tcrdata.exporters.labels import SequenceLabels, matrices
+from tcrdata.exporters.arrays import matrices
+from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.geometry.transforms import inverse, transform_points
 from tcrdata.types import Dataset, Float32Array, FloatArray, Frame
 

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import MissingEvidenceError
+from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import has_camera, shown
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
@@ -36,7 +37,6 @@ from tcrdata.exporters.labels import (
     ExportOptions,
     SequenceLabels,
     chosen_labels,
-    columns,
     open_folder,
 )
 from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames

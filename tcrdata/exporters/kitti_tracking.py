@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import shown
 from tcrdata.exporters.frame_images import check_name
 from tcrdata.exporters.kitti_lines import (
@@ -79,7 +80,7 @@ def export(
 
 def _lines(part: SequenceLabels, category: str) -> list[str]:
     numbers = np.nan_to_num(object_numbers(part), nan=NO_IMAGE_BOX)
-    numbers = np.column_stack([numbers, part.labels["score"].to_numpy()])
+    numbers = np.column_stack([numbers, columns(part.labels, ("score",))])
     names = ("frame", "track_number", "truncation", "occlusion")
     whole = zip(*(part.labels[name].to_pylist() for name in names), strict=True)
     return [

@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import FrameError
+from tcrdata.exporters.arrays import matrices
 from tcrdata.exporters.cameras import camera_poses
 from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_points import FramePoints, lidar_poses
-from tcrdata.exporters.labels import SequenceLabels, matrices
+from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.geometry.transforms import inverse
 from tcrdata.types import FloatArray
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from itertools import groupby, pairwise
+from itertools import groupby
 from pathlib import Path
 from typing import Any, Literal
 
 import duckdb
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
+from tcrdata.exporters.arrays import by_sequence, columns, rows_at, truths, whole_numbers
 from tcrdata.exporters.where import keep, lock
 from tcrdata.reports import run_report
 from tcrdata.store import Store
@@ -115,14 +115,12 @@ class SequenceLabels:
     @property
     def positive(self) -> BoolArray:
         """(N,) which labels are positive; the others are ignore regions."""
-        states = pc.equal(self.labels["state"], "positive")
-        return np.asarray(states.to_numpy(), dtype=np.bool_)
+        return truths(self.labels["positive"])
 
     def only(self, kept: BoolArray) -> SequenceLabels:
         """Return the same frames with some of the labels, given as (N,) booleans."""
-        return replace(
-            self, labels=self.labels.filter(pa.array(kept)), frame_rows=self.frame_rows[kept]
-        )
+        labels = rows_at(self.labels, np.flatnonzero(kept))
+        return replace(self, labels=labels, frame_rows=self.frame_rows[kept])
 
     def by_frame(self) -> Iterator[tuple[int, slice]]:
         """Yield each row of `frames` with the slice of its labels, an empty one for none."""
@@ -180,14 +178,14 @@ class ChosenLabels:
             ).to_arrow_table()
             report = run_report(self.connection, "exported_labels", {**self._selected, **place})
             labels = report.to_arrow_table()
-            own = _by_sequence(labels)
+            own = by_sequence(labels)
             more: dict[str, pa.Table] = {}
             if beside is not None:
                 report = run_report(self.connection, beside, {**self._selected, **place})
-                more = _by_sequence(report.to_arrow_table())
-            for sequence, part in _by_sequence(frames).items():
+                more = by_sequence(report.to_arrow_table())
+            for sequence, part in by_sequence(frames).items():
                 chosen = own.get(sequence, labels.slice(0, 0))
-                rows = np.searchsorted(part["frame"].to_numpy(), chosen["frame"].to_numpy())
+                rows = np.searchsorted(whole_numbers(part["frame"]), whole_numbers(chosen["frame"]))
                 yield SequenceLabels(
                     dataset, sequence, part, chosen, rows.astype(np.int64), more.get(sequence)
                 )
@@ -223,22 +221,6 @@ def chosen_labels(
         yield chosen
     finally:
         connection.close()
-
-
-def columns(table: pa.Table, names: tuple[str, ...]) -> FloatArray:
-    """Return (N, len(names)) float64 of numeric columns; NaN for NULL."""
-    found = [table[name].to_numpy().astype(np.float64) for name in names]
-    return np.column_stack(found)
-
-
-def matrices(table: pa.Table, name: str, shape: tuple[int, int]) -> FloatArray:
-    """Return (N, *shape) of a column of row-major lists; NaN where it is NULL."""
-    column = table[name].combine_chunks()
-    result = np.full((len(column), *shape), np.nan)
-    there = np.flatnonzero(column.is_valid().to_numpy(zero_copy_only=False))
-    flat = column.flatten().to_numpy(zero_copy_only=False)
-    result[there] = flat.reshape(-1, *shape)
-    return result
 
 
 def open_folder(out: str | Path, overwrite: bool) -> Path:
@@ -288,17 +270,6 @@ def _groups(
                 names, rows = [], 0
         if names:
             yield dataset, names[0], names[-1]
-
-
-def _by_sequence(table: pa.Table) -> dict[str, pa.Table]:
-    """Return the rows of each sequence, of rows in that order."""
-    names = table["sequence"].to_numpy()
-    edges = [0, *(np.flatnonzero(names[1:] != names[:-1]) + 1).tolist(), len(names)]
-    return {
-        str(names[start]): table.slice(start, end - start)
-        for start, end in pairwise(edges)
-        if end > start
-    }
 
 
 def _no_labels(selection: dict[str, Any], options: ExportOptions) -> MissingEvidenceError:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.kitti_lines import NO_IMAGE_BOX, check_category, is_tilted, object_numbers
 from tcrdata.exporters.kitti_tree import (
     FILES,
@@ -30,7 +31,6 @@ from tcrdata.exporters.labels import (
     ExportOptions,
     SequenceLabels,
     chosen_labels,
-    columns,
     open_folder,
 )
 from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
+from tcrdata.exporters.arrays import matrices, rows_at, whole_numbers
 from tcrdata.exporters.cameras import camera_poses
 from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_points import FramePoints, lidar_poses
@@ -20,10 +20,10 @@ from tcrdata.exporters.global_frames import (
     quaternions,
     split_projection,
 )
-from tcrdata.exporters.labels import SequenceLabels, matrices
+from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.exporters.nuscenes_tables import CAMERA, LIDAR, Tables, token
 from tcrdata.geometry.transforms import inverse
-from tcrdata.types import FloatArray, IntArray
+from tcrdata.types import FloatArray
 
 _FULL_INTENSITY = 255.0
 _POINTS = ".pcd.bin"
@@ -43,13 +43,13 @@ class Drive:
     def __init__(self, part: SequenceLabels) -> None:
         assert part.beside is not None
         rows = part.beside
-        frames = rows["frame"].to_numpy()
+        frames = whole_numbers(rows["frame"])
         first = np.flatnonzero(np.diff(frames, prepend=frames[0] - 1))
-        steps = rows["step"].take(pa.array(first)).to_pylist()
+        begun = rows_at(rows, first)
         self.part = part
-        self.scenes: IntArray = rows["scene"].to_numpy()[first].astype(np.int64)
+        self.scenes = whole_numbers(begun["scene"])
         self.links = rows.filter(rows["proposal_id"].is_valid())
-        self.global_T_ego = chained_poses(steps)
+        self.global_T_ego = chained_poses(begun["step"].to_pylist())
         self._numbers: list[int] = part.frames["frame"].to_pylist()
         self.samples = [self.key("sample", number) for number in self._numbers]
         self._times = [time // 1000 for time in part.frames["timestamp_ns"].to_pylist()]

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import SettingsError
+from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import image_boxes
 from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
 from tcrdata.exporters.labels import (
@@ -22,7 +23,6 @@ from tcrdata.exporters.labels import (
     ExportOptions,
     SequenceLabels,
     chosen_labels,
-    columns,
     open_folder,
 )
 from tcrdata.store import Store

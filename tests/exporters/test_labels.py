@@ -11,7 +11,8 @@ from label_worlds import box, columns_of, frame_row, label_row, make_store, sequ
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
 from tcrdata.exporters import labels as shared
-from tcrdata.exporters.labels import ExportOptions, chosen_labels, matrices, open_folder
+from tcrdata.exporters.arrays import matrices
+from tcrdata.exporters.labels import ExportOptions, chosen_labels, open_folder
 from tcrdata.store import Store, Unit
 
 LABELS = [
