@@ -11,6 +11,7 @@ from cyclopts import CycloptsError
 from tcrdata.cli import (
     build,
     check,
+    compact,
     diff,
     draw,
     evaluate,
@@ -35,6 +36,7 @@ from tcrdata.errors import TcrdataError
 for _command in (
     build.build,
     check.check,
+    compact.compact,
     diff.diff,
     draw.draw,
     evaluate.evaluate,

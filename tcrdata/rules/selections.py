@@ -219,6 +219,7 @@ def _rows(
     judged = positive = undecided = 0
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:
+        connection.execute("set global parquet_metadata_cache = true")
         for batch in _batches(files):
             connection.execute(f"drop schema if exists {_BATCH} cascade")
             create_views(connection, opened, batch, {}, _BATCH)

@@ -104,7 +104,8 @@ class FileEntry:
 
     def to_json(self) -> dict[str, Any]:
         """Everything but the unit, which the record holds once."""
-        return {name: value for name, value in asdict(self).items() if name != "unit"}
+        names = ("table", "path", "rows", "bytes", "sha256")
+        return {name: getattr(self, name) for name in names}
 
 
 @dataclass(frozen=True)

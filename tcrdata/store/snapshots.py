@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
 
@@ -33,7 +33,7 @@ class Snapshot:
 
     def to_json(self) -> dict[str, Any]:
         """The snapshot as it lies in the store; its name is its file's."""
-        files = [{**entry.to_json(), "unit": asdict(entry.unit)} for entry in self.files]
+        files = [{**entry.to_json(), "unit": vars(entry.unit)} for entry in self.files]
         return {"tables": list(self.tables), "files": files}
 
     @staticmethod

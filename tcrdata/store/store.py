@@ -11,6 +11,7 @@ import pyarrow as pa
 from tcrdata.errors import SchemaError, StoreError
 from tcrdata.store import snapshots
 from tcrdata.store.commits import CommitRecord, FileEntry, Unit
+from tcrdata.store.compaction import Bundle, compact
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
 from tcrdata.store.parquet import ParquetHandles
@@ -77,6 +78,13 @@ class Store:
         a build: then the same build leaves the same files, however often it was interrupted.
         """
         return self._history.checkpoint(least)
+
+    def compact(self) -> list[Bundle]:
+        """Write the small files of light tables once more in few, which queries then read.
+
+        Rows, records and snapshots stay as they are.
+        """
+        return compact(self._files, self._entries(None, None))
 
     @contextmanager
     def writer(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tcrdata.errors import QueryError, StoreError
 from tcrdata.store.commits import FileEntry
+from tcrdata.store.compaction import read_bundles, stand_ins
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import arrow_schema, columns, ddl, is_view
 
@@ -48,9 +49,10 @@ def create_views(
     import duckdb
 
     connection.execute(f"create schema if not exists {quote(schema)}")
+    bundles = read_bundles(files)
     for table, entries in tables.items():
         if table not in views:
-            _create_table(connection, files, table, entries, schema)
+            _create_table(connection, files, table, stand_ins(bundles, entries), schema)
     for name, sql in views.items():
         try:
             connection.execute(f"create or replace view {quote(schema)}.{quote(name)} as {sql}")
