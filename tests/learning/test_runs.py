@@ -105,7 +105,8 @@ def test_a_loss_that_is_no_number_names_the_frames(tmp_path: Path) -> None:
     broken = [{**label(sequence, 3, 0, True), "length_m": float("inf")}]
     select_by_hand(store, "broken", broken)
     recipe = plan_recipe("detector", TINY)
-    with pytest.raises(TrainingError, match=rf"step 1: the loss is not finite.*kitti/{sequence}/000003"):
+    message = rf"step 1: the loss is not finite.*kitti/{sequence}/000003"
+    with pytest.raises(TrainingError, match=message):
         run_training(store, recipe, selection_id="broken")
 
 
