@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from tcrdata.exporters.arrays import columns, matrices, truths
-from tcrdata.exporters.labels import SequenceLabels
+from tcrdata.exporters.labels import ChosenLabels, SequenceLabels
 from tcrdata.geometry.boxes import box_corners_bev
 from tcrdata.types import BoolArray, FloatArray
 
@@ -44,6 +44,25 @@ def camera_boxes(boxes: FloatArray, camera_T_level: FloatArray) -> FloatArray:
     return np.column_stack([boxes[:, 5], boxes[:, 4], boxes[:, 3], center, rotation_y])
 
 
+def standing_boxes(boxes: FloatArray, camera_T_level: FloatArray) -> FloatArray:
+    """Turn boxes of the level frame into those that MMDetection3D turns on into a LiDAR's.
+
+    The place where a box stands is carried into the camera frame; the heading stays the one about
+    the vertical. KittiDataset carries that place into the LiDAR's frame and adds half the height
+    there: centre and heading are exact where the LiDAR is level, however the camera is tilted.
+
+    Args:
+        boxes: (N, 7) x, y, z, length, width, height, yaw.
+        camera_T_level: (N, 4, 4).
+
+    Returns:
+        (N, 7) x, y, z of the bottom centre, length, height, width, yaw in (-pi, pi].
+    """
+    foot = boxes[:, :3] + np.array([0.0, 0.5, 0.0]) * boxes[:, 5:6]
+    foot = np.einsum("nij,nj->ni", camera_T_level[:, :3, :3], foot) + camera_T_level[:, :3, 3]
+    return np.column_stack([foot, boxes[:, [3, 5, 4]], wrapped(boxes[:, 6])])
+
+
 def observation_angle(camera: FloatArray) -> FloatArray:
     """Return (N,) alpha = rotation_y - atan2(x, z), in (-pi, pi], of `camera_boxes` rows."""
     return wrapped(camera[:, 6] - np.arctan2(camera[:, 3], camera[:, 5]))
@@ -77,6 +96,19 @@ def has_camera(part: SequenceLabels) -> BoolArray:
 def shown(part: SequenceLabels) -> BoolArray:
     """Return (N,) which labels have a box in an image."""
     return np.asarray(~np.isnan(image_boxes(part)[:, 0]))
+
+
+def unseen_line(chosen: ChosenLabels, labels: int, ignored: int) -> str:
+    """Return what a card says of the labels that no image shows, given how many were written."""
+    return (
+        f"{chosen.total - labels} labels and {chosen.ignored - ignored} ignore regions "
+        "that no image shows"
+    )
+
+
+def pictured(part: SequenceLabels) -> BoolArray:
+    """Return (N,) which labels have a box in an image that is there."""
+    return shown(part) & truths(part.frames["has_image"])[part.frame_rows]
 
 
 def box_corners(boxes: FloatArray) -> FloatArray:

@@ -18,8 +18,8 @@ import numpy as np
 from pycocotools import mask as run_lengths
 
 from tcrdata.exporters.arrays import columns
-from tcrdata.exporters.cameras import image_boxes
-from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
+from tcrdata.exporters.cameras import image_boxes, pictured, unseen_line
+from tcrdata.exporters.frame_images import FrameImages, image_line
 from tcrdata.exporters.json_arrays import JsonArray
 from tcrdata.exporters.labels import (
     Card,
@@ -29,6 +29,7 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
+from tcrdata.exporters.refusals import check_images, check_name, check_shown
 from tcrdata.store import Store
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
@@ -57,6 +58,7 @@ def export(
     options = options or ExportOptions()
     with chosen_labels(store, selection_id, options) as chosen:
         check_images("coco", chosen)
+        check_shown("coco", chosen, pictured)
         folder = open_folder(out, options.overwrite)
         (folder / "annotations").mkdir(exist_ok=True)
         target = folder / "annotations" / "instances.json"
@@ -177,7 +179,6 @@ def _segmentation(pixels: str | None, size: list[int], box: list[float]) -> dict
 def _card(out: str, options: ExportOptions, instances: _Instances, chosen: ChosenLabels) -> Card:
     written = instances.annotations.count
     ignored = written - instances.positive
-    unseen = chosen.total + chosen.ignored - written
     regions = "iscrowd 1, with a run-length mask (the box's where there is no other)"
     conventions = (
         ("file", "annotations/instances.json; file_name is relative to the folder"),
@@ -190,7 +191,7 @@ def _card(out: str, options: ExportOptions, instances: _Instances, chosen: Chose
         ("masks", "compressed run-length strings; labels without one have no segmentation"),
         ("category", f"{_CATEGORY} = {options.category} for every object: labels have no class"),
         ("ignore", regions if options.ignore == "keep" else "dropped"),
-        ("left out", f"{unseen} labels that no image shows"),
+        ("left out", unseen_line(chosen, instances.positive, ignored)),
     )
     files = 1 if options.labels_only else 1 + instances.images.count
     return Card("coco", out, files, instances.positive, ignored, conventions)

@@ -9,8 +9,8 @@ from functools import cached_property
 from pathlib import Path
 
 from tcrdata import registry
-from tcrdata.errors import FrameError, MissingEvidenceError, TcrdataError
-from tcrdata.exporters.labels import ChosenLabels, ExportOptions, SequenceLabels
+from tcrdata.errors import FrameError
+from tcrdata.exporters.labels import ExportOptions, SequenceLabels
 from tcrdata.types import Dataset, Frame
 
 _MADE = ".png"
@@ -141,35 +141,8 @@ class FrameImages:
         return {frame.frame: frame for frame in self._dataset.frames(self._part.sequence)}
 
 
-def check_name(owners: dict[str, str], part: SequenceLabels) -> None:
-    """Refuse a second dataset's sequence of one name: its files would replace the first's.
-
-    Args:
-        owners: sequence to dataset of those written so far; gets this one.
-        part: the sequence.
-
-    Raises:
-        TcrdataError: another dataset has a sequence of this name.
-    """
-    other = owners.setdefault(part.sequence, part.dataset)
-    if other != part.dataset:
-        raise TcrdataError(
-            f"{other} and {part.dataset} both have a sequence '{part.sequence}': "
-            f"export one dataset at a time: add --dataset {part.dataset}"
-        )
-
-
 def image_line(options: ExportOptions) -> str:
     """Return what a card says of the images of a format that keeps them as files."""
     if options.labels_only:
         return "named, not written: --labels-only"
     return "links to the dataset's files, PNGs where it has none"
-
-
-def check_images(what: str, chosen: ChosenLabels) -> None:
-    """Refuse to write a format of images where no frame has one: MissingEvidenceError."""
-    if not chosen.images:
-        raise MissingEvidenceError(
-            f"{what} labels images, and none of the {chosen.frames} frames has one: "
-            "export a format of 3D boxes instead, such as kitti-tracking or nuscenes"
-        )

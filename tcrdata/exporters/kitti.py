@@ -7,13 +7,13 @@ a 16th field, which results have and labels have not.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from tcrdata.errors import MissingEvidenceError
 from tcrdata.exporters.arrays import columns
-from tcrdata.exporters.cameras import has_camera, shown
+from tcrdata.exporters.cameras import has_camera, shown, unseen_line
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
     NO_BOX,
@@ -34,13 +34,16 @@ from tcrdata.exporters.kitti_tree import (
 )
 from tcrdata.exporters.labels import (
     Card,
+    ChosenLabels,
     ExportOptions,
     SequenceLabels,
     chosen_labels,
     open_folder,
 )
 from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames
+from tcrdata.exporters.refusals import check_shown
 from tcrdata.store import Store
+from tcrdata.types import BoolArray
 
 _SEATED = "Person_sitting"
 _FILES = tuple(f"{TRAINING}/{name}" for name in (*FILES, "label_2/{}.txt"))
@@ -60,44 +63,51 @@ def export(
     Raises:
         TcrdataError: the folder is not empty, or the category is none of KITTI's.
         QueryError: the condition of `where` is none.
-        MissingEvidenceError: there is no such selection, or it has no positive labels.
+        SettingsError: `validation` names a sequence that is none.
+        MissingEvidenceError: there is no such selection, or no positive label that an image shows.
         FrameError: an image or sweep of the dataset is gone.
     """
     options = options or ExportOptions()
     check_category(options.category, _SEATED)
-    labels = ignored = 0
-    tilted = False
-    with chosen_labels(store, selection_id, options) as chosen:
+    counts = _Counts()
+    with chosen_labels(store, selection_id, options, splits=True) as chosen:
+        check_shown("kitti", chosen, _written)
         folder = open_folder(out, options.overwrite)
         training = make_folders(folder, ("label_2", "calib", "image_2", "velodyne"))
-        with numbered_frames(folder, chosen, options, _FILES) as numbered:
+        with numbered_frames(folder, options, _FILES) as numbered:
             for found in chosen.sequences(files=not options.labels_only):
-                part = found.only(shown(found) | (found.positive & ~has_camera(found)))
+                part = found.only(_written(found))
                 names, _ = numbered.add(part)
                 _write_labels(training, part, names, options.category)
                 write_calibrations(training, part, names)
                 if not options.labels_only:
                     place_images(training, part, names)
                     place_points(training, part, names)
-                labels += int(part.positive.sum())
-                ignored += int((~part.positive).sum())
-                tilted |= is_tilted(part)
-    if not labels:
-        raise MissingEvidenceError(
-            f"no image shows one of the {chosen.total} labels: export openpcdet, or see them with "
-            "`tcrdata view`"
-        )
-    unseen = chosen.total + chosen.ignored - labels - ignored
-    own = (
-        ("file", "training/label_2/<number>.txt, 15 fields a line: no score, as KITTI's labels"),
-        *conventions(options.category, tilted),
-        ("truncated", "0 to 1, the share of the 2D box outside the image; occluded 0 to 3"),
-        ("ignore", "DontCare: a 2D box alone"),
-        ("left out", f"{unseen} labels that their image does not show: KITTI labels what it does"),
-        *TREE_LINES,
-        *SPLIT_LINES,
-    )
-    return Card("kitti", str(out), numbered.count, labels, ignored, own)
+                counts.add(part)
+    return _card(str(out), options, counts, chosen)
+
+
+@dataclass
+class _Counts:
+    """What was written so far."""
+
+    frames: int = 0
+    labels: int = 0
+    ignored: int = 0
+    tilted: bool = False
+
+    def add(self, part: SequenceLabels) -> None:
+        """Count a sequence."""
+        positive = int(part.positive.sum())
+        self.frames += part.frames.num_rows
+        self.labels += positive
+        self.ignored += part.labels.num_rows - positive
+        self.tilted |= is_tilted(part)
+
+
+def _written(part: SequenceLabels) -> BoolArray:
+    """Return (N,) which labels the format holds: what the image shows, all without a camera."""
+    return shown(part) | (part.positive & ~has_camera(part))
 
 
 def _write_labels(training: Path, part: SequenceLabels, names: list[str], category: str) -> None:
@@ -122,3 +132,17 @@ def _lines(part: SequenceLabels, category: str) -> list[str]:
         else:
             lines.append(f"{DONT_CARE} {' '.join(texts[1:5])} {NO_BOX}\n")
     return lines
+
+
+def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabels) -> Card:
+    unseen = unseen_line(chosen, counts.labels, counts.ignored)
+    own = (
+        ("file", "training/label_2/<number>.txt, 15 fields a line: no score, as KITTI's labels"),
+        *conventions(options.category, counts.tilted),
+        ("truncated", "0 to 1, the share of the 2D box outside the image; occluded 0 to 3"),
+        ("ignore", "DontCare: a 2D box alone" if options.ignore == "keep" else "dropped"),
+        ("left out", f"{unseen}: KITTI labels what images show"),
+        *TREE_LINES,
+        *SPLIT_LINES,
+    )
+    return Card("kitti", out, counts.frames, counts.labels, counts.ignored, own)

@@ -12,7 +12,6 @@ import numpy as np
 
 from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import shown
-from tcrdata.exporters.frame_images import check_name
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
     NO_BOX,
@@ -29,6 +28,7 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
+from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
 
 _NO_TRACK = -1
@@ -68,12 +68,13 @@ def export(
             ignored += len(lines) - int(part.positive.sum())
             tilted |= is_tilted(part)
     shared = conventions(options.category, tilted)
+    kept = "DontCare of track -1 with a 2D box alone; those no image shows are left out"
     own = (
         ("file", "label_02/<sequence>.txt, 18 fields a line, the score last"),
         *shared,
         ("truncated", "0 to 2; occluded 0 to 3, where 3 is unknown"),
         ("track", "whole numbers from 0 in each sequence"),
-        ("ignore", "DontCare of track -1 with a 2D box alone; those no image shows are left out"),
+        ("ignore", kept if options.ignore == "keep" else "dropped"),
     )
     return Card("kitti-tracking", str(out), len(owners), chosen.total, ignored, own)
 

@@ -15,6 +15,7 @@ import pyarrow as pa
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
 from tcrdata.exporters.arrays import by_sequence, columns, rows_at, truths, whole_numbers
+from tcrdata.exporters.refusals import check_dataset, check_validation, no_labels
 from tcrdata.exporters.where import keep, lock
 from tcrdata.reports import run_report
 from tcrdata.store import Store
@@ -25,6 +26,7 @@ from tcrdata.types import BoolArray, FloatArray, IntArray
 _ROWS_AT_A_TIME = 200_000
 _READ = ("labels", "selections", "images", "sweeps")
 _JUDGED = "judged"  # schema of the tables as the selection read them
+_Size = tuple[str, str, int, int, int, int, int]  # a row of exported_sequences.sql
 _BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
@@ -139,19 +141,25 @@ class ChosenLabels:
         ignored: undecided labels chosen.
         frames: frames, those without labels too.
         images: frames with an image.
+        in_images: positive labels that the build placed in an image.
         names: of the sequences, sorted.
+        asked: options of a command about the same selection.
     """
 
     def __init__(
-        self, connection: duckdb.DuckDBPyConnection, selection_id: str, options: ExportOptions
+        self,
+        connection: duckdb.DuckDBPyConnection,
+        selection_id: str,
+        options: ExportOptions,
+        asked: str,
     ) -> None:
-        self.connection = connection
+        self.connection, self.asked = connection, asked
         self._selected = {"selection_id": selection_id, "keep_ignored": options.ignore == "keep"}
         only = {"exported_dataset": options.dataset}
         found = run_report(connection, "exported_sequences", {**self._selected, **only})
-        self._sizes: list[tuple[str, str, int, int, int, int]] = found.fetchall()
-        self.frames, self.total, self.ignored, self.images = (
-            sum(int(size[column]) for size in self._sizes) for column in (2, 3, 4, 5)
+        self._sizes: list[_Size] = found.fetchall()
+        self.frames, self.total, self.ignored, self.images, self.in_images = (
+            sum(int(size[column]) for size in self._sizes) for column in (2, 3, 4, 5, 6)
         )
         self.names = sorted({size[1] for size in self._sizes})
 
@@ -193,15 +201,22 @@ class ChosenLabels:
 
 @contextmanager
 def chosen_labels(
-    store: Store, selection_id: str, options: ExportOptions
+    store: Store, selection_id: str, options: ExportOptions, *, splits: bool = False
 ) -> Iterator[ChosenLabels]:
     """Open a selection's labels for an export.
 
     Frames and sequences are those of the snapshot that the selection read: what it never judged
     must not look like an empty street.
 
+    Args:
+        store: holds the selection.
+        selection_id: of the labels.
+        options: which labels.
+        splits: whether the format has splits of training and validation.
+
     Raises:
         QueryError: `--where` is no condition on labels.
+        SettingsError: no such dataset, or a validation split of other sequences or without splits.
         MissingEvidenceError: there is no such selection, or nothing to export; says why.
     """
     tables = _READ if options.where is None else [t for t in table_names() if not is_view(t)]
@@ -215,9 +230,13 @@ def chosen_labels(
             lock(connection, files.full_path("") if files.is_local else None)
             keep(connection, selection_id, options.where)
             connection.execute(f"set search_path = 'chosen,{_JUDGED},main'")
-        chosen = ChosenLabels(connection, selection_id, options)
+        names = connection.sql("select distinct dataset from sequences order by all").fetchall()
+        check_dataset([name for (name,) in names], options)
+        asked = f"--store {store.url} --selection {selection_id}"
+        chosen = ChosenLabels(connection, selection_id, options, asked)
         if not chosen.total:
-            raise _no_labels(judged, options)
+            raise no_labels(judged, options, asked)
+        check_validation(chosen.names, options, splits=splits)
         yield chosen
     finally:
         connection.close()
@@ -241,7 +260,7 @@ def open_folder(out: str | Path, overwrite: bool) -> Path:
 
 def _selection(connection: duckdb.DuckDBPyConnection, selection_id: str) -> dict[str, Any]:
     rows = connection.execute(
-        "select selection_id, snapshot, proposals_judged, labels from selections "
+        "select selection_id, snapshot, proposals_judged, labels, ignored from selections "
         "where selection_id = ?",
         [selection_id],
     )
@@ -256,13 +275,13 @@ def _selection(connection: duckdb.DuckDBPyConnection, selection_id: str) -> dict
 
 
 def _groups(
-    sizes: Sequence[tuple[str, str, int, int, int, int]],
+    sizes: Sequence[_Size],
 ) -> Iterator[tuple[str, str, str]]:
     """Yield a dataset with its first and last sequence to be read at a time."""
     for dataset, of_dataset in groupby(sizes, key=lambda size: size[0]):
         names: list[str] = []
         rows = 0
-        for _, sequence, frames, labels, ignored, _ in of_dataset:
+        for _, sequence, frames, labels, ignored, *_ in of_dataset:
             rows += frames + labels + ignored
             names.append(sequence)
             if rows >= _ROWS_AT_A_TIME:
@@ -270,18 +289,3 @@ def _groups(
                 names, rows = [], 0
         if names:
             yield dataset, names[0], names[-1]
-
-
-def _no_labels(selection: dict[str, Any], options: ExportOptions) -> MissingEvidenceError:
-    """Return the error of an empty export: why there is nothing, and where to look."""
-    name, labels = selection["selection_id"], selection["labels"]
-    if options.where is not None and labels:
-        why = f"--where '{options.where}' keeps no positive label of selection '{name}'"
-    elif options.dataset is not None:
-        why = f"selection '{name}' has no positive labels of dataset '{options.dataset}'"
-    else:
-        why = f"selection '{name}' has no positive labels to export"
-    counts = f"{selection['proposals_judged']} proposals judged, {labels} labels of any state"
-    return MissingEvidenceError(
-        f"{why} ({counts}): see what drops them with `tcrdata funnel --selection {name}`"
-    )

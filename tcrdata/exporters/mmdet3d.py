@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from tcrdata.exporters.arrays import columns
+from tcrdata.exporters.cameras import camera_poses, standing_boxes
 from tcrdata.exporters.kitti_lines import NO_IMAGE_BOX, check_category, is_tilted, object_numbers
 from tcrdata.exporters.kitti_tree import (
     FILES,
@@ -61,6 +62,7 @@ def export(
     Raises:
         TcrdataError: the folder is not empty, or the category is none of KITTI's.
         QueryError: the condition of `where` is none.
+        SettingsError: `validation` names a sequence that is none.
         MissingEvidenceError: there is no such selection, or it has no positive labels.
         FrameError: an image or sweep of the dataset is gone.
     """
@@ -68,10 +70,10 @@ def export(
     check_category(options.category, _CLASSES[5])
     infos: dict[str, list[dict[str, Any]]] = {"train": [], "val": []}
     tilted = False
-    with chosen_labels(store, selection_id, options) as chosen:
+    with chosen_labels(store, selection_id, options, splits=True) as chosen:
         folder = open_folder(out, options.overwrite)
         training = make_folders(folder, ("calib", "image_2", "velodyne"))
-        with numbered_frames(folder, chosen, options, _FILES) as numbered:
+        with numbered_frames(folder, options, _FILES) as numbered:
             for part in chosen.sequences(files=not options.labels_only):
                 names, splits = numbered.add(part)
                 for split, info in zip(splits, _infos(part, names, options.category), strict=True):
@@ -87,7 +89,7 @@ def export(
         path = folder / f"kitti_infos_{split}.pkl"
         path.write_bytes(pickle.dumps(content, protocol=4))
     written = sum(len(info["instances"]) for of_split in infos.values() for info in of_split)
-    lines = _conventions(options.category, tilted)
+    lines = _conventions(options, tilted)
     ignored = written - chosen.total
     return Card("mmdet3d", str(out), numbered.count, chosen.total, ignored, lines)
 
@@ -141,8 +143,8 @@ def _instances(part: SequenceLabels, category: str) -> list[dict[str, Any]]:
     """Return the instance of every label; an ignore region keeps its boxes and has label -1."""
     numbers = np.nan_to_num(object_numbers(part), nan=NO_IMAGE_BOX)
     alpha, image, camera = numbers[:, 0], numbers[:, 1:5], numbers[:, 5:]
-    boxes = camera[:, [3, 4, 5, 2, 0, 1, 6]]
-    center = boxes[:, :3] - np.array([0.0, 0.5, 0.0]) * camera[:, :1]
+    boxes = standing_boxes(part.boxes, camera_poses(part)[part.frame_rows])
+    center = camera[:, 3:6] - np.array([0.0, 0.5, 0.0]) * camera[:, :1]
     projected = _pixels(center, projections(part)[part.frame_rows])
     truncated = np.nan_to_num(columns(part.labels, ("truncated_share",))[:, 0])
     names = ["occlusion", "difficulty", "number_of_points", "score"]
@@ -188,19 +190,21 @@ def _square(projection: FloatArray) -> FloatArray:
     return np.concatenate([projection, last], axis=1)
 
 
-def _conventions(category: str, tilted: bool) -> tuple[tuple[str, str], ...]:
+def _conventions(options: ExportOptions, tilted: bool) -> tuple[tuple[str, str], ...]:
+    category = options.category
+    kept = f"bbox_label and bbox_label_3d {_IGNORED_LABEL}, with the box"
     frame = "camera of each frame: x right, y down, z forward; KittiDataset turns it to LiDAR"
     if tilted:
-        frame += "; it is tilted here, and boxes have no pitch: centres are exact"
+        frame += "; it is tilted here: boxes are exact once turned to a level LiDAR's frame"
     return (
         ("file", "kitti_infos_{train,val}.pkl: metainfo and data_list"),
         ("frame", frame),
-        ("centre", "bottom centre of the box"),
+        ("centre", "bottom centre of the box, where it stands"),
         ("order", "bbox_3d x y z, length height width, yaw"),
         ("yaw", "rotation_y about y (down): 0 along +x, -pi/2 along +z (forward)"),
         ("units", "metres, radians, pixels; a 2D box of -1 -1 -1 -1: no image shows it"),
         ("type", f"{category}, label {_CLASSES.index(category)}: the labels have no class"),
-        ("ignore", f"bbox_label and bbox_label_3d {_IGNORED_LABEL}, with the box"),
+        ("ignore", kept if options.ignore == "keep" else "dropped"),
         ("config", "data_prefix=dict(pts='training/velodyne', img='training/image_2')"),
         *TREE_LINES,
         *SPLIT_LINES,

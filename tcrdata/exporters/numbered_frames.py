@@ -10,8 +10,7 @@ from typing import IO
 
 import numpy as np
 
-from tcrdata.errors import SettingsError
-from tcrdata.exporters.labels import ChosenLabels, ExportOptions, SequenceLabels
+from tcrdata.exporters.labels import ExportOptions, SequenceLabels
 
 INDEX = "frames.csv"
 _COLUMNS = ("name", "dataset", "sequence", "frame", "timestamp_ns", "split", "labels", "ignored")
@@ -57,26 +56,17 @@ class NumberedFrames:
 
 @contextmanager
 def numbered_frames(
-    folder: Path, chosen: ChosenLabels, options: ExportOptions, files: tuple[str, ...]
+    folder: Path, options: ExportOptions, files: tuple[str, ...]
 ) -> Iterator[NumberedFrames]:
     """Open `frames.csv` and `ImageSets/` of an export; removes what a former export left there.
 
     Args:
         folder: of the export.
-        chosen: the labels; its sequences are those that the validation split may name.
         options: name the sequences of the validation split.
         files: where a frame's files are, with `{}` for its name: those that `frames.csv` of a
             former export names are removed, and no others.
 
-    Raises:
-        SettingsError: a sequence of the validation split is none of the export.
     """
-    validation = frozenset(options.validation)
-    if unknown := sorted(validation - set(chosen.names)):
-        raise SettingsError(
-            f"--validation names '{unknown[0]}', which is no sequence of the export: there are "
-            f"{', '.join(chosen.names)}"
-        )
     _remove_former(folder, files)
     sets = folder / "ImageSets"
     sets.mkdir(exist_ok=True)
@@ -86,7 +76,7 @@ def numbered_frames(
             name: stack.enter_context((sets / f"{name}.txt").open("w", encoding="ascii"))
             for name in ("train", "val", "trainval")
         }
-        yield NumberedFrames(index, lists, validation)
+        yield NumberedFrames(index, lists, frozenset(options.validation))
 
 
 SPLIT_LINES = (

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from tcrdata.errors import MissingEvidenceError
-from tcrdata.exporters.frame_images import check_name
 from tcrdata.exporters.global_frames import global_boxes, quaternions
 from tcrdata.exporters.labels import (
     Card,
@@ -32,6 +31,7 @@ from tcrdata.exporters.nuscenes_tables import (
     write_fixed,
     write_map,
 )
+from tcrdata.exporters.refusals import check_name
 from tcrdata.reports import run_report
 from tcrdata.store import Store
 

@@ -74,17 +74,18 @@ def export(
     Raises:
         TcrdataError: the folder is not empty, or the category is no single word.
         QueryError: the condition of `where` is none.
+        SettingsError: `validation` names a sequence that is none.
         MissingEvidenceError: there is no such selection, or it has no positive labels.
         FrameError: the points of a frame are gone.
     """
     options = options or ExportOptions()
     _check_category(options.category)
     infos: dict[str, list[dict[str, Any]]] = {"train": [], "val": []}
-    with chosen_labels(store, selection_id, options) as chosen:
+    with chosen_labels(store, selection_id, options, splits=True) as chosen:
         folder = open_folder(out, options.overwrite)
         for name in _FOLDERS:
             (folder / name).mkdir(exist_ok=True)
-        with numbered_frames(folder, chosen, options, _FILES) as numbered:
+        with numbered_frames(folder, options, _FILES) as numbered:
             for part in chosen.sequences(files=False):
                 names, splits = numbered.add(part)
                 boxes = lidar_boxes(part.boxes, lidar_poses(part)[part.frame_rows])

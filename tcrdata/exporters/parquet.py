@@ -15,7 +15,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tcrdata.exporters.frame_images import FrameImages, check_name
+from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_records import FRAME, OBJECT, conventions, records
 from tcrdata.exporters.labels import (
     Card,
@@ -25,6 +25,7 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
+from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
 
 SHARD_BYTES = 512_000_000

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tcrdata.exporters.frame_images import FrameImages, check_name
+from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_records import conventions, records
 from tcrdata.exporters.labels import (
     Card,
@@ -22,6 +22,7 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
+from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
 
 SHARD_BYTES = 512_000_000

@@ -13,10 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from tcrdata.errors import SettingsError
 from tcrdata.exporters.arrays import columns
-from tcrdata.exporters.cameras import image_boxes
-from tcrdata.exporters.frame_images import FrameImages, check_images, check_name, image_line
+from tcrdata.exporters.cameras import image_boxes, pictured, unseen_line
+from tcrdata.exporters.frame_images import FrameImages, image_line
 from tcrdata.exporters.labels import (
     Card,
     ChosenLabels,
@@ -25,6 +24,7 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
+from tcrdata.exporters.refusals import check_images, check_name, check_shown
 from tcrdata.store import Store
 from tcrdata.types import BoolArray
 
@@ -64,9 +64,9 @@ def export(
     options = options or ExportOptions()
     counts = _Counts()
     owners: dict[str, str] = {}
-    with chosen_labels(store, selection_id, options) as chosen:
+    with chosen_labels(store, selection_id, options, splits=True) as chosen:
         check_images("yolo", chosen)
-        _check_validation(chosen, options)
+        check_shown("yolo", chosen, pictured)
         folder = open_folder(out, options.overwrite)
         with (
             (folder / _TRAIN).open("w", encoding="utf-8") as train,
@@ -81,14 +81,6 @@ def export(
                 listing.writelines(f"./images/{name}\n" for name in names)
         (folder / "data.yaml").write_text(_data_yaml(options), encoding="utf-8")
     return _card(str(out), options, counts, chosen)
-
-
-def _check_validation(chosen: ChosenLabels, options: ExportOptions) -> None:
-    known = list(chosen.names)
-    if unknown := sorted(set(options.validation) - set(known)):
-        raise SettingsError(
-            f"--validation: '{unknown[0]}' is none of the exported sequences: {', '.join(known)}"
-        )
 
 
 def _write(folder: Path, part: SequenceLabels, counts: _Counts) -> list[str]:
@@ -137,7 +129,6 @@ def _data_yaml(options: ExportOptions) -> str:
 
 
 def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabels) -> Card:
-    unseen = chosen.total + chosen.ignored - counts.positive - counts.ignored
     side = "the format has none: they stand in ignore/, as labels do in labels/; mask them yourself"
     split = f"{_VALIDATION} lists the sequences of --validation, {_TRAIN} the others"
     if not options.validation:
@@ -153,7 +144,7 @@ def _card(out: str, options: ExportOptions, counts: _Counts, chosen: ChosenLabel
         ("units", "shares of the image's width and height, 0 to 1"),
         ("class", f"{_CLASS} = {options.category} for every object: the labels have no class"),
         ("ignore", side if options.ignore == "keep" else "dropped"),
-        ("left out", f"{unseen} labels that no image shows"),
+        ("left out", unseen_line(chosen, counts.positive, counts.ignored)),
     )
     files = counts.images * (1 if options.labels_only else 2) + counts.ignore_files + 3
     return Card("yolo", out, files, counts.positive, counts.ignored, conventions)

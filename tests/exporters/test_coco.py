@@ -15,7 +15,7 @@ from pycocotools import mask as run_lengths
 from pycocotools.coco import COCO
 from pycocotools.cocoeval import COCOeval
 
-from tcrdata.errors import FrameError, MissingEvidenceError, TcrdataError
+from tcrdata.errors import FrameError, MissingEvidenceError, SettingsError, TcrdataError
 from tcrdata.exporters.coco import export
 from tcrdata.exporters.labels import ExportOptions
 
@@ -155,7 +155,25 @@ def test_what_no_image_shows_is_left_out(tmp_path: Path) -> None:
     ]
     card = export(drive(tmp_path, labels), "s1", tmp_path / "out")
     assert len(load(tmp_path / "out").anns) == card.labels == 1
-    assert "1 labels that no image shows" in card.text()
+    assert "1 labels and 0 ignore regions that no image shows" in card.text()
+
+
+def test_labels_that_no_image_shows_are_refused_before_a_file_is_written(tmp_path: Path) -> None:
+    behind = box(0, 10) | NO_PIXELS | {"z_m": -10.0}
+    labels = [
+        label_row("0000", 0, "behind", 0.8, **behind),
+        label_row("0000", 0, "ignored", 0.8, state="ignore", **box(0, 10)),
+    ]
+    with pytest.raises(MissingEvidenceError, match=r"none shows one of the 1 labels.*funnel"):
+        export(drive(tmp_path, labels), "s1", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_splits_are_refused_where_there_are_none(tmp_path: Path) -> None:
+    store = drive(tmp_path, random_labels(3))
+    with pytest.raises(SettingsError, match=r"no splits.*kitti, mmdet3d, openpcdet and yolo"):
+        export(store, "s1", tmp_path / "out", ExportOptions(validation=("0000",)))
+    assert not (tmp_path / "out").exists()
 
 
 def test_a_drive_without_images_is_refused(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def test_undecided_labels_are_regions_that_count_neither_way(tmp_path: Path) -> 
         "DontCare -1 -1 -10 60.000000 20.500000 100.000000 40.000000 -1 -1 -1 -1000 -1000 -1000 -10"
     )
     assert (card.labels, card.ignored) == (1, 1)
-    assert "2 labels that their image does not show" in card.text()
+    assert "1 labels and 1 ignore regions that no image shows" in card.text()
     card = export(store, "s1", tmp_path / "drop", ExportOptions(ignore="drop", labels_only=True))
     assert [row["type"] for row in parse(tmp_path / "drop/training/label_2/000000.txt")] == ["Car"]
     assert card.ignored == 0
@@ -195,7 +195,8 @@ def test_frames_without_a_camera_keep_their_labels(tmp_path: Path) -> None:
 def test_what_cannot_be_exported(tmp_path: Path) -> None:
     unseen = AHEAD | dict.fromkeys(NAMED) | {"z_m": -10.0}
     store = kitti_store(tmp_path / "kitti", [label_row(SEQUENCE, 0, "p", 0.9, **unseen)])
-    with pytest.raises(MissingEvidenceError, match="no image shows one of the 1 labels"):
+    with pytest.raises(MissingEvidenceError, match=r"none shows one of the 1 labels.* funnel"):
         export(store, "s1", tmp_path / "out", ONLY_LABELS)
+    assert not (tmp_path / "out").exists()
     with pytest.raises(TcrdataError, match=r"no type 'Person': choose one of .*Person_sitting"):
         export(store, "s1", tmp_path / "out", ExportOptions(category="Person"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from label_worlds import box, columns_of, frame_row, label_row, make_store, sequence_row
 
-from tcrdata.errors import MissingEvidenceError, TcrdataError
+from tcrdata.errors import MissingEvidenceError, SettingsError, TcrdataError
 from tcrdata.exporters import labels as shared
 from tcrdata.exporters.arrays import matrices
 from tcrdata.exporters.labels import ExportOptions, chosen_labels, open_folder
@@ -82,12 +82,15 @@ def test_sequences_that_the_selection_never_saw_are_no_empty_streets() -> None:
 
 def test_nothing_to_export_says_why() -> None:
     with (
-        pytest.raises(MissingEvidenceError, match=r"no positive labels to export .* funnel"),
+        pytest.raises(
+            MissingEvidenceError,
+            match=r"no positive labels .* funnel --store memory",
+        ),
         chosen_labels(store_of("none", [LABELS[3]]), "s1", ExportOptions()),
     ):
         pass
     with (
-        pytest.raises(MissingEvidenceError, match="no positive labels of dataset 'demo'"),
+        pytest.raises(SettingsError, match="read nothing of 'demo': there is kitti"),
         chosen_labels(store_of("other", LABELS), "s1", ExportOptions(dataset="demo")),
     ):
         pass

@@ -17,8 +17,11 @@ import pytest
 from export_worlds import assert_same_boxes, boxes_of, kitti_store, random_labels
 from kitti_tree import HEIGHT_PX, LEVEL_T_SENSOR, P2, SEQUENCE, WIDTH_PX
 from label_worlds import label_row
+from scipy.spatial.transform import Rotation
 
 from tcrdata.errors import TcrdataError
+from tcrdata.exporters.cameras import standing_boxes, wrapped
+from tcrdata.exporters.frame_points import lidar_boxes
 from tcrdata.exporters.labels import ExportOptions
 from tcrdata.exporters.mmdet3d import export
 
@@ -95,6 +98,22 @@ def test_round_trip(tmp_path: Path) -> None:
         tuple(frames[0]["instances"][0])
     }
     assert [i["index"] for i in frames[1]["instances"]] == list(range(10))
+
+
+def test_boxes_of_a_tilted_camera_are_exact_in_the_lidar_frame() -> None:
+    """The reader: points of the camera go through inverse(lidar2cam), yaw is -(pi/2) - yaw."""
+    camera_T_level = np.eye(4)
+    camera_T_level[:3, :3] = Rotation.from_euler("xz", [0.4, -0.1]).as_matrix()
+    camera_T_level[:3, 3] = [0.1, -0.2, 0.3]
+    lidar_T_level = np.eye(4)[[2, 0, 1, 3]] * np.array([[1], [-1], [-1], [1]])
+    boxes = np.array([[1.0, 0.5, 9.0, 4.0, 1.8, 1.5, 0.7], [-3.0, 1.0, 20.0, 4.5, 2.0, 2.5, -3.0]])
+    found = standing_boxes(boxes, np.broadcast_to(camera_T_level, (2, 4, 4)))
+    level = (found[:, :3] - camera_T_level[:3, 3]) @ camera_T_level[:3, :3]
+    read = level @ lidar_T_level[:3, :3].T + found[:, 4:5] * np.array([0, 0, 0.5])
+    exact = lidar_boxes(boxes, np.broadcast_to(lidar_T_level, (2, 4, 4)))
+    np.testing.assert_allclose(read, exact[:, :3], atol=1e-9)
+    np.testing.assert_allclose(wrapped(-np.pi / 2 - found[:, 6]), exact[:, 6], atol=1e-9)
+    np.testing.assert_array_equal(found[:, 3:6], boxes[:, [3, 5, 4]])
 
 
 def test_undecided_labels_have_label_minus_one(tmp_path: Path) -> None:
