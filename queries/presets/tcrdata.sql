@@ -10,7 +10,7 @@
 --   min_straightness_long = 0.5, min_core_share = 0.35, min_box_core_share = 0.2,
 --   min_points = 5, min_height_m = 0.3,
 --   max_height_m = 5, max_overlapped_share = 0.7, max_frames_from_observation = 8,
---   min_points_extended = 8, max_cycle_error_m = 0.8
+--   min_points_extended = 8
 set variable taken_source = 'track';
 set variable taken_fit = 'track';
 set variable egomotion_method = 'odometry';

@@ -116,4 +116,5 @@ def _label_columns(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> st
 def no_labels() -> pa.Table:
     """An empty table with the columns of `labels` but selection_id."""
     schema = schemas.arrow_schema("labels")
-    return pa.schema([field for field in schema if field.name != "selection_id"]).empty_table()
+    chosen = pa.schema([field for field in schema if field.name != "selection_id"])
+    return pa.Table.from_batches([], schema=chosen)  # empty_table() would import pandas

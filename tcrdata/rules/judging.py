@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import duckdb
 import pyarrow as pa
@@ -20,28 +19,19 @@ _IN_HAND = ("survivors", "remaining", "verdicts", "chosen", "candidates")
 _BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")  # what tells whether boxes share a place
 
 
-@dataclass(frozen=True)
-class Judgement:
-    """What came of a batch.
-
-    Attributes:
-        judged: proposals that the first rule saw.
-        labels: columns of `labels` but selection_id; sorted by dataset, sequence, frame and id.
-    """
-
-    judged: int
-    labels: pa.Table
-
-
 def judge(
-    connection: duckdb.DuckDBPyConnection, preset: FilledPreset, relations: Relations
-) -> Judgement:
+    connection: duckdb.DuckDBPyConnection, preset: FilledPreset, relations: Relations, rows: int
+) -> pa.Table:
     """Judge every proposal of some whole sequences with a preset and its alternatives.
 
     Args:
         connection: temporary tables are made and dropped in it.
         preset: with its parameters filled in.
         relations: each evidence table, these sequences' rows of one round.
+        rows: how many proposals there are.
+
+    Returns:
+        the columns of `labels` but selection_id; by dataset, sequence, frame and id.
 
     Raises:
         RuleError: a rule gives not one row a proposal, or the preset's select gives a proposal
@@ -49,12 +39,11 @@ def judge(
     """
     presets = (preset, *preset.alternatives)
     panel = seats(presets)
-    judged = count(connection, relations["proposals"])
     alone = len(presets) == 1
     if not alone:  # one preset's own filter reaches the files; several together do not
         relations = _of_sources(connection, _opening(presets, panel, relations), relations)
     before = _everybody(presets, panel, _columns(presets), relations)
-    left = judged if alone else count(connection, before)
+    left = rows if alone or not rows else count(connection, before)
     for run in runs(panel):
         if left:
             left = _keep_survivors(connection, run, before, left, relations)
@@ -66,7 +55,7 @@ def judge(
     labels = labels_of(connection, presets, panel, relations) if left else no_labels()
     for table in _IN_HAND:
         connection.execute(f"drop table if exists {table}")
-    return Judgement(judged, labels)
+    return labels
 
 
 def _everybody(

@@ -71,6 +71,7 @@ def select(
     round: int = 1,
     snapshot: str | None = None,
     leave_out_unfinished: bool = False,
+    newest: bool = True,
 ) -> Selection:
     """Judge a store's proposals with a preset, write the labels and point to them.
 
@@ -83,6 +84,7 @@ def select(
         snapshot: read its files instead of those of this moment.
         leave_out_unfinished: judge no proposal of a sequence that lacks a stage: another build
             may be at work on it, and selects when it is through.
+        newest: make it the newest selection even if it was there already.
 
     Raises:
         SettingsError: unknown preset or parameter, or a value of the wrong type.
@@ -111,7 +113,8 @@ def select(
     if made:
         with store.writer(unit, settings_hash=identity, inputs=inputs) as writer:
             _append_beside(writer, _rows(store, filled, frozen, files, unit, name))
-    store.point_to(unit.sequence, name)
+    if made or newest or store.newest_selection(unit.sequence) is None:
+        store.point_to(unit.sequence, name)
     (row,) = store.read("selections", dataset=ANY_DATASET, sequence=unit.sequence).to_pylist()
     return Selection(
         unit.sequence, name, row["preset"], round, row["snapshot"], row["proposals_judged"],
@@ -224,9 +227,9 @@ def _rows(
             connection.execute(f"drop schema if exists {_BATCH} cascade")
             create_views(connection, opened, batch, {}, _BATCH)
             relations = {t: of_round(f"{_BATCH}.{t}", unit.round) for t in EVIDENCE_TABLES}
-            judgement = judge(connection, preset, relations)
-            judged += judgement.judged
-            labels = judgement.labels
+            rows = sum(entry.rows for entry in batch["proposals"])
+            labels = judge(connection, preset, relations, rows)
+            judged += rows
             positive += pc.sum(pc.equal(labels["state"], "positive")).as_py() or 0
             undecided += pc.sum(pc.equal(labels["state"], "ignore")).as_py() or 0
             columns = {name: labels[name] for name in labels.column_names}

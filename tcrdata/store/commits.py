@@ -134,7 +134,7 @@ class CommitRecord:
     def digest(self) -> str:
         """sha256 of the content; the generation aside, so that equal work has equal digests."""
         content = {key: v for key, v in self.to_json().items() if key != "generation"}
-        return hashlib.sha256(dump_json(content)).hexdigest()
+        return hashlib.sha256(dump_json(content, lines=False)).hexdigest()
 
     def matches(self, settings_hash: str, inputs: Mapping[str, str]) -> bool:
         """Whether it was made with these settings, from these inputs."""
@@ -167,9 +167,16 @@ class CommitRecord:
         )
 
 
-def dump_json(content: Any) -> bytes:
-    """The one way JSON is written here: sorted keys, so that equal content is equal bytes."""
-    return (json.dumps(content, indent=1, sort_keys=True, ensure_ascii=False) + "\n").encode()
+def dump_json(content: Any, *, lines: bool = True) -> bytes:
+    """The one way JSON is written here: sorted keys, so that equal content is equal bytes.
+
+    Args:
+        content: plain values.
+        lines: a line an entry, for people; long lists of files are written in one, in a tenth of
+            the time.
+    """
+    indent = 1 if lines else None
+    return (json.dumps(content, indent=indent, sort_keys=True, ensure_ascii=False) + "\n").encode()
 
 
 def parse_json(path: str, data: bytes, what: str, parse: Callable[[Any], T]) -> T:

@@ -157,7 +157,7 @@ def _publish(files: Filesystem, staging: Staging, file: BinaryIO, bundle: Bundle
         "sha256": bundle.sha256,
         "holds": list(bundle.holds),
     }
-    files.create(bundle.path.removesuffix(".parquet") + ".json", dump_json(content))
+    files.create(bundle.path.removesuffix(".parquet") + ".json", dump_json(content, lines=False))
 
 
 def _from_json(content: Mapping[str, Any]) -> Bundle:

@@ -61,7 +61,7 @@ class History:
         records = [self._read(path).to_json() for path in paths]
         numbers = numbered(self._files, CHECKPOINTS)
         name = f"{CHECKPOINTS}/{numbers[-1] + 1 if numbers else 1}.json"
-        return self._files.create(name, dump_json({"records": records}))
+        return self._files.create(name, dump_json({"records": records}, lines=False))
 
     def _load_checkpoint(self) -> None:
         numbers = numbered(self._files, CHECKPOINTS)

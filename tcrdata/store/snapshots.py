@@ -55,7 +55,7 @@ def freeze(
         StoreError: the name cannot name a file.
     """
     snapshot = Snapshot(name or "", tuple(sorted(tables)), tuple(entries))
-    data = dump_json(snapshot.to_json())
+    data = dump_json(snapshot.to_json(), lines=False)
     name = name or hashlib.sha256(data).hexdigest()[:16]
     path = f"{SNAPSHOTS}/{check_name('the snapshot', name)}.json"
     if not files.create(path, data) and files.read(path) != data:

@@ -194,7 +194,7 @@ class Store:
             found.append(self._handles.get(entry.path, table).read(wanted, {**rest, **equals}))
         chosen = pa.schema([schema.field(name) for name in wanted])
         if not found:
-            return chosen.empty_table()
+            return pa.Table.from_batches([], schema=chosen)
         return pa.concat_tables(found).replace_schema_metadata(chosen.metadata)
 
     def tables(self, dataset: str, sequence: str, round: int) -> SequenceTables:
