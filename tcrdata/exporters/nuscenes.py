@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.exporters.global_frames import global_boxes, quaternions
 from tcrdata.exporters.labels import (
@@ -141,23 +143,31 @@ def _annotations(drive: Drive, category: str) -> Iterator[dict[str, Any]]:
     links = zip(*(drive.links[name].to_pylist() for name in names), strict=True)
     points = part.labels["number_of_points"].to_pylist()
     frames = part.frame_rows.tolist()
-    attributes = attribute_names(category) or ()
+    attributes = [token("attribute", name) for name in attribute_names(category) or ()]
+    # A label is named by its neighbours, too, and an instance by each of its labels.
+    tokens = _tokens("sample_annotation", drive.links["proposal_id"])
+    instances = _tokens("instance", drive.links["first_id"])
     for row, (own, before, after, first, visibility, moving) in enumerate(links):
         known = bool(attributes) and moving is not None
         yield {
-            "token": token("sample_annotation", own),
+            "token": tokens[own],
             "sample_token": drive.samples[frames[row]],
-            "instance_token": token("instance", first),
-            "attribute_tokens": [token("attribute", attributes[not moving])] if known else [],
+            "instance_token": instances[first],
+            "attribute_tokens": [attributes[not moving]] if known else [],
             "visibility_token": "" if visibility is None else str(visibility),
             "translation": places[row],
             "size": sizes[row],
             "rotation": turns[row],
             "num_lidar_pts": points[row] or 0,
             "num_radar_pts": 0,
-            "prev": token("sample_annotation", before) if before else "",
-            "next": token("sample_annotation", after) if after else "",
+            "prev": tokens[before] if before else "",
+            "next": tokens[after] if after else "",
         }
+
+
+def _tokens(kind: str, names: pa.ChunkedArray) -> dict[str, str]:
+    """Return the token of each of several things."""
+    return {name: token(kind, name) for name in names.unique().to_pylist()}
 
 
 def _card(
