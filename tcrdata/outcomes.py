@@ -38,6 +38,14 @@ class BuildReport:
     outcomes: tuple[UnitOutcome, ...]
     selections: tuple[Selection, ...] = field(default=())
 
+    @property
+    def leading(self) -> tuple[Selection, ...]:
+        """The first selection of each round: the one whose labels the next round learns from."""
+        rounds: dict[int, Selection] = {}
+        for selection in self.selections:
+            rounds.setdefault(selection.round, selection)
+        return tuple(rounds[number] for number in sorted(rounds))
+
     def count(self, state: State) -> int:
         """Number of units with a state."""
         return sum(outcome.state == state for outcome in self.outcomes)

@@ -74,6 +74,7 @@ def build(
     workers: int,
     progress: Progress,
     snapshot: str | None = None,
+    newest: bool = True,
 ) -> BuildReport:
     """Make what is missing of a plan, then select labels with each of its presets.
 
@@ -86,6 +87,7 @@ def build(
         workers: worker processes.
         progress: called with each unit's outcome as it is known.
         snapshot: the selections judge its evidence; what is made now waits for the next one.
+        newest: selections that were there already become the newest again.
 
     Raises:
         TcrdataError: the store cannot be written, or a selection lacks evidence.
@@ -99,7 +101,7 @@ def build(
         progress(outcome)
         outcomes.append(outcome)
     sound = {outcome.unit.stage for outcome in outcomes if outcome.state in ("done", "made")}
-    selections = _selections(store, plan, snapshot) if sound.intersection(plan.cues) else ()
+    selections = _selections(store, plan, snapshot, newest) if sound.intersection(plan.cues) else ()
     store.checkpoint()
     return BuildReport(tuple(outcomes), selections)
 
@@ -152,7 +154,9 @@ def _failed_before(store: Store, plan: Plan, sequence: str) -> set[str]:
     return {unit.stage for unit in current_failures(records) if unit.round < plan.round}
 
 
-def _selections(store: Store, plan: Plan, snapshot: str | None) -> tuple[Selection, ...]:
+def _selections(
+    store: Store, plan: Plan, snapshot: str | None, newest: bool
+) -> tuple[Selection, ...]:
     return tuple(
         select(
             store,
@@ -161,6 +165,7 @@ def _selections(store: Store, plan: Plan, snapshot: str | None) -> tuple[Selecti
             round=plan.round,
             snapshot=snapshot,
             leave_out_unfinished=True,
+            newest=newest,
         )
         for preset in plan.loaded
     )

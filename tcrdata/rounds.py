@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tcrdata import pipeline
@@ -125,12 +126,16 @@ def plan_rounds(
     if "all" in presets:
         names = tuple(sorted(planning.first_round_presets(), key=lambda name: name != LEADER))
     successors = tuple(dict.fromkeys(_successor(load_preset(name)) for name in names))
+    parameters = {name: text for name, text in values.items() if "." not in name}
+    chosen = planning.loaded_presets((*names, *successors), parameters)
+    # What another preset accepts is no background to learn from: its evidence is needed, too.
+    others = (other.name for preset in chosen for other in preset.others)
     whole = pipeline.plan_build(
         dataset,
         root,
         sequences=sequences,
         frames=frames,
-        presets=(*names, *successors),
+        presets=tuple(dict.fromkeys((*names, *successors, *others))),
         assignments=values,
     )
     first, later = (_part(whole, part, anew=part is successors) for part in (names, successors))
@@ -157,30 +162,29 @@ def build_rounds(
         workers: worker processes.
         progress: called with each unit's outcome as it is known.
         trained: called after each step of a training.
-        snapshot: of one round, the evidence that is judged; see `pipeline.build`.
+        snapshot: of a single round, the evidence that is judged; see `pipeline.build`.
 
     Raises:
         TcrdataError: the store cannot be written, a round gives no labels to learn from, or a
             training goes astray.
     """
-    report = pipeline.build(
-        loop.first, store_url, workers=workers, progress=progress, snapshot=snapshot
-    )
     if loop.later is None:
-        return report
+        return pipeline.build(
+            loop.first, store_url, workers=workers, progress=progress, snapshot=snapshot
+        )
+    make = partial(pipeline.build, workers=workers, progress=progress, newest=False)
+    report = make(loop.first, store_url)
     store = open_store(store_url)
     for number in range(planning.ROUND + 1, loop.rounds + 1):
-        if not report.selections:
+        if len(report.leading) < number - planning.ROUND:
             break
-        leader = _leading(report, number - 1)
         models: dict[str, str] = {}
         for kind in loop.kinds:
-            outcome = _learn(store, loop, kind, leader, trained)
+            outcome = _learn(store, loop, kind, report.leading[-1], trained)
             progress(outcome)
             models[kind] = outcome.unit.sequence
             report = replace(report, outcomes=(*report.outcomes, outcome))
-        plan = loop.plan(number, models)
-        made = pipeline.build(plan, store_url, workers=workers, progress=progress)
+        made = make(loop.plan(number, models), store_url)
         report = BuildReport(
             (*report.outcomes, *made.outcomes), (*report.selections, *made.selections)
         )
@@ -215,16 +219,10 @@ def finished_model(store: Store, recipe: Recipe, selection_id: str) -> dict[str,
     """
     from tcrdata.learning.checkpoints import model_rows
 
-    rows = [
-        row
-        for row in model_rows(store)
-        if row["selection_id"] == selection_id and row["model_id"] == _model_id(recipe, row)
-    ]
-    return max(rows, key=lambda row: (row["finished"], row["step"]), default=None)
-
-
-def _model_id(recipe: Recipe, row: Mapping[str, Any]) -> str:
-    return recipe.identity(row["selection_id"], row["labels_round"], row["snapshot"]).model_id
+    rows = [row for row in model_rows(store) if row["selection_id"] == selection_id]
+    data = ("selection_id", "labels_round", "snapshot")
+    own = [r for r in rows if r["model_id"] == recipe.identity(*(r[n] for n in data)).model_id]
+    return max(own, key=lambda row: (row["finished"], row["step"]), default=None)
 
 
 def _learn(store: Store, loop: Loop, kind: str, labels: Selection, trained: Trained) -> UnitOutcome:
@@ -243,11 +241,6 @@ def _learn(store: Store, loop: Loop, kind: str, labels: Selection, trained: Trai
     )
     unit = Unit(model.unit.stage, model.unit.dataset, model.model_id, labels.round)
     return UnitOutcome(unit, "made" if made else "done")
-
-
-def _leading(report: BuildReport, number: int) -> Selection:
-    """The selection of a round that models learn from: the first."""
-    return next(selection for selection in report.selections if selection.round == number)
 
 
 def _part(plan: Plan, names: tuple[str, ...], *, anew: bool) -> Plan:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
 from tcrdata.plan import ROUND
 from tcrdata.store import Store, Unit
 from tcrdata.store.failures import current_failures, is_failure
+
+MODEL = "model"
+"""Stage of a training."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +25,8 @@ class StoreStatus:
         missing: units that a build was asked for and that have no record.
         tables: (table, rows, bytes, files), sorted.
         problems: (where, frame or None, message).
-        selections: (id, name, labels), oldest first.
+        selections: (id, name, labels, round), oldest first.
+        rounds: (round, models trained for it, units done, failed, missing), by round.
     """
 
     done: int
@@ -29,7 +34,8 @@ class StoreStatus:
     missing: int
     tables: list[tuple[str, int, int, int]]
     problems: list[tuple[str, int | None, str]]
-    selections: list[tuple[str, str, int]]
+    selections: list[tuple[str, str, int, int]]
+    rounds: list[tuple[int, int, int, int, int]]
 
     def as_dict(self) -> dict[str, Any]:
         """The status as plain values for JSON."""
@@ -43,8 +49,12 @@ class StoreStatus:
                 dict(zip(("where", "frame", "error"), row, strict=True)) for row in self.problems
             ],
             "selections": [
-                dict(zip(("selection_id", "name", "labels"), row, strict=True))
+                dict(zip(("selection_id", "name", "labels", "round"), row, strict=True))
                 for row in self.selections
+            ],
+            "rounds": [
+                dict(zip(("round", "models", "done", "failed", "missing"), row, strict=True))
+                for row in self.rounds
             ],
         }
 
@@ -66,17 +76,30 @@ def store_status(store: Store) -> StoreStatus:
             total[2] += 1
     made = {record.unit for record in records if not is_failure(record)}
     selections = [
-        (row["selection_id"], row["name"], row["labels"])
+        (row["selection_id"], row["name"], row["labels"], row["round"])
         for row in store.read("selections").to_pylist()
     ]
+    done, failed = made - set(failures), set(failures)
+    missing = planned_units(store) - made - failed
     return StoreStatus(
-        done=len(made - set(failures)),
-        failed=len(failures),
-        missing=len(planned_units(store) - made - set(failures)),
+        done=len(done),
+        failed=len(failed),
+        missing=len(missing),
         tables=[(name, *totals[name]) for name in sorted(totals)],  # type: ignore[misc]
         problems=problems,
         selections=selections,
+        rounds=_rounds(done, failed, missing),
     )
+
+
+def _rounds(
+    done: set[Unit], failed: set[Unit], missing: set[Unit]
+) -> list[tuple[int, int, int, int, int]]:
+    """Count units by round; a model belongs to the round that measures with it."""
+    models = Counter(unit.round + 1 for unit in done if unit.stage == MODEL)
+    counts = [Counter(unit.round for unit in units) for units in (done, failed, missing)]
+    numbers = sorted(set(models).union(*counts))
+    return [(number, models[number], *(c[number] for c in counts)) for number in numbers]  # type: ignore[misc]
 
 
 def _where(unit: Unit) -> str:

@@ -12,7 +12,7 @@
 --   min_points = 5, min_height_m = 0.3,
 --   max_height_m = 5, max_overlapped_share = 0.7, max_frames_from_observation = 15,
 --   min_points_extended = 8, max_cycle_error_m = 0.8,
---   min_detected_age_frames = 2, min_visible_share = 0.1, min_best_half_score = 0.2,
+--   min_detected_age_frames = 2, min_visible_share = 0.1, min_best_half_score = 0.1,
 --   max_detected_core_share = 0.5, min_detected_points = 1
 set variable taken_source = 'track';
 set variable taken_fit = 'track';

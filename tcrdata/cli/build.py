@@ -59,7 +59,9 @@ def build(
     if count > 1 and not dry_run:
         executors.start_server()
     from tcrdata.dry_runs import dry_rounds
+    from tcrdata.inspection.drift import drifts
     from tcrdata.rounds import build_rounds, plan_rounds
+    from tcrdata.store import open_store
 
     if rounds < 1:
         raise SettingsError(f"--rounds {rounds}: at least one is needed")
@@ -89,9 +91,13 @@ def build(
                 snapshot=snapshot,
             )
     seconds = time.perf_counter() - started
+    found = (
+        drifts(open_store(store), [s.selection_id for s in report.leading]) if rounds > 1 else []
+    )
     if json:
-        console.print_json(printing.build_json(report, seconds))
+        console.print_json(printing.build_json(report, seconds, found))
     else:
+        printing.print_drifts(found)
         printing.print_build(report, loop.first.sequences, store, seconds, only_plan=dry_run)
     return 1 if report.count("failed") else 0
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from tcrdata import console
 
 if TYPE_CHECKING:
+    from tcrdata.inspection.drift import Drift
     from tcrdata.outcomes import BuildReport
     from tcrdata.rules import Selection
 
 
-def build_json(report: BuildReport, seconds: float) -> dict[str, Any]:
-    """Return a build as plain values for JSON."""
+def build_json(report: BuildReport, seconds: float, drifts: Sequence[Drift] = ()) -> dict[str, Any]:
+    """Return a build, and what each later round changed, as plain values for JSON."""
     return {
         "seconds": round(seconds, 3),
         **{state: report.count(state) for state in ("made", "done", "failed", "skipped", "todo")},
@@ -31,6 +33,7 @@ def build_json(report: BuildReport, seconds: float) -> dict[str, Any]:
             for o in report.outcomes
         ],
         "selections": [selection_json(selection) for selection in report.selections],
+        "drifts": [drift.to_json() for drift in drifts],
     }
 
 
@@ -40,6 +43,7 @@ def selection_json(selection: Selection) -> dict[str, Any]:
         "selection_id": selection.selection_id,
         "name": selection.name,
         "preset": selection.preset,
+        "round": selection.round,
         "proposals_judged": selection.proposals_judged,
         "labels": selection.labels,
         "ignored": selection.ignored,
@@ -77,9 +81,29 @@ def print_build(
     console.say(f"next: tcrdata status --store {store_url}")
 
 
+def print_drifts(drifts: Sequence[Drift]) -> None:
+    """Print what each round changed in the labels of the round before, and warn of the worse."""
+    if not drifts:
+        return
+    columns = ("round", "labels", "kept", "moved", "gained", "lost", "agreement", "before")
+    rows = [
+        (d.round, d.labels, d.kept, d.moved, d.gained, d.lost, d.agreement, d.agreement_before)
+        for d in drifts
+    ]
+    console.print_table("rounds", columns, rows)
+    for drift in drifts:
+        if drift.worse:
+            console.say(
+                f"round {drift.round} is worth a look: {drift.worse}; "
+                f"see tcrdata diff {drift.round - 1} {drift.round}"
+            )
+
+
 def print_selection(selection: Selection) -> None:
     """Print a selection as one line."""
+    of_round = f" of round {selection.round}" if selection.round > 1 else ""
     sys.stdout.write(
-        f"selection {selection.selection_id[:12]} '{selection.name}': {selection.labels:,} labels "
+        f"selection {selection.selection_id[:12]} '{selection.name}'{of_round}: "
+        f"{selection.labels:,} labels "
         f"and {selection.ignored:,} left undecided, from {selection.proposals_judged:,} proposals\n"
     )

@@ -23,11 +23,14 @@ def status(*, store: StoreUrl, json: Flag = False) -> int:
     console.print_table(
         "units", ("done", "failed", "missing"), [(found.done, found.failed, found.missing)]
     )
+    if len(found.rounds) > 1:
+        columns = ("round", "models", "done", "failed", "missing")
+        console.print_table("rounds", columns, found.rounds)
     console.print_table("tables", ("table", "rows", "bytes", "files"), found.tables)
     if found.problems:
         console.print_table("problems", ("where", "frame", "what"), found.problems)
     if found.selections:
-        console.print_table("selections", ("id", "name", "labels"), found.selections)
+        console.print_table("selections", ("id", "name", "labels", "round"), found.selections)
     if found.missing:
         console.say("run the same build again to make what is missing")
     return 0

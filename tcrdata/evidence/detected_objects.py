@@ -68,7 +68,7 @@ class Settings:
 
     model: str = ""
     model_store: str = ""
-    least_score: float = 0.2
+    least_score: float = 0.1
     reach_m: float = 1.3
     gap_frames: int = 30
     fewest: int = 2

@@ -1,0 +1,218 @@
+"""The EM loop: every round beside the others, resumable, blind to labels, and watched for drift."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runs import done, refused, run
+from store_files import digests
+
+from tcrdata import pipeline, rounds
+from tcrdata.datasets import street
+from tcrdata.dry_runs import dry_rounds
+from tcrdata.errors import DatasetError, SettingsError
+from tcrdata.outcomes import BuildReport, UnitOutcome
+from tcrdata.rounds import build_rounds, plan_rounds
+from tcrdata.status import store_status
+from tcrdata.store import open_store
+
+ROOT = "seed=5,speed_mps=10,frames=6"
+TINY = {
+    "train.steps": "4",
+    "train.batch": "1",
+    "train.checkpoint_steps": "2",
+    "train.workers": "0",
+    "train.network.cell_m": "1",
+    "train.network.widths": "8,8,8",
+    "train.network.head_width": "8",
+    # Four steps teach little: all that is seen is a candidate.
+    "objectness3d.least_score": "0.01",
+    "detected_objects.least_score": "0.01",
+}
+Progress = Any
+
+
+def loop(count: int, **more: Any) -> rounds.Loop:
+    return plan_rounds("street", ROOT, rounds=count, assignments=TINY, **more)
+
+
+def build(
+    store: Path, count: int, progress: Progress = None, trained: Progress = None
+) -> BuildReport:
+    return build_rounds(
+        loop(count),
+        str(store),
+        workers=1,
+        progress=progress or (lambda _: None),
+        trained=trained or (lambda *_: None),
+    )
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of the first round with all that the later ones read."""
+    store = tmp_path_factory.mktemp("measured") / "store"
+    first = loop(2).first
+    report = pipeline.build(first, str(store), workers=1, progress=lambda _: None)
+    assert report.selections[0].labels > 0
+    return store
+
+
+@pytest.fixture(scope="module")
+def reference(measured: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    store = tmp_path_factory.mktemp("reference") / "store"
+    shutil.copytree(measured, store)
+    report = build(store, 3)
+    assert report.count("failed") == report.count("skipped") == 0
+    assert [selection.round for selection in report.leading] == [1, 2, 3]
+    return store
+
+
+def test_every_rounds_evidence_labels_and_models_stay(reference: Path) -> None:
+    connection = open_store(str(reference)).connect()
+    sql = "select distinct round from {} where source = 'detector' order by 1"
+    assert connection.sql(sql.format("proposals")).fetchall() == [(2,), (3,)]
+    assert connection.sql("select labels_round from models order by 1").fetchall() == [(1,), (2,)]
+    found = connection.sql("select round, preset from selections order by round").fetchall()
+    assert found == [(1, "tcrdata"), (2, "tcrdata_learned"), (3, "tcrdata_learned")]
+    # What was measured once is not measured again, and no two rounds share an id.
+    assert connection.sql("select distinct round from egomotions").fetchall() == [(1,)]
+    (twice,) = connection.sql(
+        "select count(*) - count(distinct proposal_id) from proposals where source = 'detected'"
+    ).fetchall()
+    assert twice == (0,)
+    own = connection.sql(
+        "select count(*) from models m join selections s using (selection_id) "
+        "where s.round = m.labels_round"
+    ).fetchall()
+    assert own == [(2,)]
+
+
+def test_status_counts_the_units_of_all_rounds(reference: Path) -> None:
+    status = store_status(open_store(str(reference)))
+    assert (status.failed, status.missing) == (0, 0)
+    assert [row[:2] for row in status.rounds] == [(1, 0), (2, 1), (3, 1)]
+
+
+def test_a_second_build_does_nothing(reference: Path) -> None:
+    before = digests(reference)
+    foreseen = dry_rounds(loop(3), str(reference))
+    assert foreseen.count("todo") == 0
+    assert foreseen.count("done") == loop(3).units
+    report = build(reference, 3)
+    assert report.count("made") == 0
+    assert report.count("done") == loop(3).units
+    assert not any(selection.made for selection in report.selections)
+    assert digests(reference) == before
+
+
+def test_more_rounds_go_on_from_those_there_are(measured: Path) -> None:
+    foreseen = dry_rounds(loop(2), str(measured))
+    todo = [outcome.unit.stage for outcome in foreseen.outcomes if outcome.state == "todo"]
+    assert todo == ["model", "objectness3d", "detected_objects"]
+
+
+def test_ground_truth_is_out_of_reach(
+    measured: Path, reference: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With truth that cannot even be read the later rounds' rows are the same, to the byte."""
+
+    def broken(self: Any, sequence: str) -> list[dict[str, Any]]:
+        raise DatasetError("poisoned")
+
+    monkeypatch.setattr(street.StreetDrive, "ground_truth", broken)
+    shutil.copytree(measured, tmp_path / "store")
+    report = build(tmp_path / "store", 2)
+    assert report.count("failed") == 1
+    poisoned, sound = digests(tmp_path / "store", "data"), digests(reference, "data")
+    assert poisoned.items() <= sound.items()
+    assert any("/r2-" in path and "labels" in path for path in poisoned)
+
+
+def test_a_stopped_loop_goes_on_where_it_was(
+    measured: Path, reference: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(measured, tmp_path / "store")
+    steps: list[int] = []
+
+    def stop_training(labels_round: int, kind: str, report: Any) -> None:
+        steps.append(report.step)
+        if steps == [1, 2, 3]:
+            raise KeyboardInterrupt
+
+    def stop_between(outcome: UnitOutcome) -> None:
+        if outcome.unit.stage == "objectness3d" and outcome.unit.round == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build(tmp_path / "store", 3, trained=stop_training)
+    with pytest.raises(KeyboardInterrupt):
+        build(tmp_path / "store", 3, progress=stop_between, trained=stop_training)
+    assert steps == [1, 2, 3, 3, 4]
+    build(tmp_path / "store", 3)
+    for part in ("data", "commits"):
+        assert digests(tmp_path / "store", part) == digests(reference, part)
+
+
+def test_build_prints_what_each_round_changed(reference: Path) -> None:
+    sets = [word for pair in TINY.items() for word in ("--set", "=".join(pair))]
+    command = ("build", "--dataset", "street", "--root", ROOT, "--store", reference)
+    again = done(*command, "--rounds", 3, "--workers", 1, *sets)
+    assert "rounds" in again.out
+    assert "agreement" in again.out
+    assert "nothing to do" in again.err
+    found = done(*command, "--rounds", 3, "--workers", 1, *sets, "--json").json
+    assert [drift["round"] for drift in found["drifts"]] == [2, 3]
+    for drift, selection in zip(found["drifts"], found["selections"][1:], strict=True):
+        assert drift["labels"] == selection["labels"]
+        assert drift["kept"] + drift["moved"] + drift["gained"] == selection["labels"]
+
+
+def test_without_torch_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    line = refused("build", "--dataset", "street", "--store", "unused", "--rounds", 2)
+    assert "tcrdata[train]" in line
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--rounds", 0), "at least one"),
+        (("--rounds", 2, "--snapshot", "s"), "--snapshot"),
+        (("--rounds", 2, "--preset", "detector"), "takes a model"),
+        (("--rounds", 2, "--set", "train.stepz=3"), "train.stepz"),
+        (("--rounds", 2, "--set", "min_nothing=3"), "min_nothing"),
+        (("--rounds", 1, "--set", "train.steps=3"), "train"),
+    ],
+)
+def test_what_cannot_be_is_refused_before_any_work(
+    words: tuple[Any, ...], message: str, tmp_path: Path
+) -> None:
+    store = tmp_path / "store"
+    result = run("build", "--dataset", "street", "--store", store, "--workers", 1, *words)
+    assert result.code != 0
+    assert message in result.err
+    assert not store.exists()
+
+
+def test_a_preset_without_successor_makes_one_round_only(tmp_path: Path) -> None:
+    path = tmp_path / "mine.sql"
+    path.write_text(
+        "-- Mine.\n-- rules: source, range\n-- required: source\n-- cues: tracks\n"
+        "select p.proposal_id, 'positive' as state, 1.0::double as score from proposals p\n"
+    )
+    with pytest.raises(SettingsError, match="next"):
+        loop(2, presets=(str(path),))
+
+
+def test_the_other_presets_evidence_is_measured_too() -> None:
+    """What another preset accepts is no background, so its cues are built in the first round."""
+    planned = loop(2)
+    assert "static_clusters" in planned.first.cues
+    assert planned.later is not None
+    assert planned.later.cues == ("objectness3d", "detected_objects")
+    assert planned.later.presets == ("tcrdata_learned",)
+    assert planned.kinds == ("detector",)
