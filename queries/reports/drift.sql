@@ -46,3 +46,4 @@ select r.a as round_a, r.b as round_b, labels_a, labels_b, agreement_a, agreemen
            '') as worse
 from counted
 cross join rounds r
+where r.b is not null

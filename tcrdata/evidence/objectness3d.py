@@ -113,6 +113,7 @@ class _Chunk:
     settings: Settings
     model: Model
     items: tuple[_Item, ...]
+    round: int
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
@@ -131,6 +132,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
             settings,
             model,
             tuple(_item(cue, frame) for frame in frames),
+            cue.round,
         )
         for frames in chunked(cue.frames, settings.chunk_frames)
     )
@@ -206,8 +208,9 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     known[:, :6] /= chunk.metric_scale
     confidences = footprint_heat(heat.numpy(), known, region)
     columns = detected_columns(
-        boxes, item.frame, chunk.sensor, cloud.xyz, evidence, own.front_m, chunk.metric_scale
-    )
+        boxes, item.frame, chunk.sensor, cloud.xyz, evidence, own.front_m, chunk.metric_scale,
+        chunk.round,
+    )  # fmt: skip
     ids = [*columns["proposal_id"], *item.known.ids]
     values = [*found.scores.tolist(), *confidences]
     rows = _confidences(item.frame.frame, ids, values)

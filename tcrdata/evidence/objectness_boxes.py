@@ -85,6 +85,7 @@ def detected_columns(
     evidence: Mapping[str, Any],
     front_m: float,
     metric_scale: float,
+    round: int,
 ) -> Columns:
     """Return rows of `proposals` for a frame's detections, surest first.
 
@@ -96,13 +97,14 @@ def detected_columns(
         evidence: ground, height_m, votes_free and votes_static, (M,) each.
         front_m: a return this much nearer hides a box's outline; times the metric scale.
         metric_scale: of the sequence.
+        round: EM round.
     """
     solid = np.flatnonzero(~evidence["ground"])
     inside = [solid[points_in_box(xyz[solid], box, _GROW_M * metric_scale)] for box in boxes]
     grid = sensor_grid(frame, sensor, LidarCells())
     image = range_image(xyz, grid)
     return merged(
-        key_columns(frame, SOURCE, FIT, range(len(boxes)), metric_scale),
+        key_columns(frame, SOURCE, FIT, range(len(boxes)), metric_scale, round),
         box_columns(boxes, frame),
         point_columns(inside, evidence["height_m"]),
         vote_columns(inside, evidence["votes_free"], evidence["votes_static"]),
