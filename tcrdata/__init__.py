@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tcrdata.learning.stream import FrameStream
     from tcrdata.store import Store
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 
 def open(store: str) -> Handle:
