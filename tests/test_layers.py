@@ -35,7 +35,7 @@ LAYERS = (
 )
 STRANGERS = LAYERS[3]
 HEAVY = {
-    "cv2": {"evidence", "datasets", "views", "learning"},
+    "cv2": {"evidence", "datasets", "geometry", "views", "learning"},
     "torch": {"networks", "learning", "evidence"},
     "matplotlib": {"views"},
     "rerun": {"views"},

@@ -20,6 +20,7 @@ from tcrdata.evidence.proposal_columns import (
     point_columns,
 )
 from tcrdata.geometry.boxes import BevBox, l_shape_box, min_area_box
+from tcrdata.geometry.hulls import hull_pixels
 from tcrdata.store.arrays import encode_mask
 from tcrdata.types import Float32Array, FloatArray, IntArray, Rows
 
@@ -80,7 +81,7 @@ def region_rows(
     members = [points.indices[region.members] for region in regions]
     shared = merged(
         point_columns(members, points.heights_m),
-        {"mask": [hull_mask(points.pixels[r.members], *points.size_px) for r in regions]},
+        {"mask": [_mask(points, region.members) for region in regions]},
         _columns([motion_medians(points, region.members) for region in regions]),
         _columns([region.measured for region in regions]),
     )
@@ -100,17 +101,8 @@ def box_around(xyz: NDArray[np.floating], fit: str) -> tuple[FloatArray, float]:
     return box, bev.fill_share
 
 
-def hull_mask(pixels: IntArray, width: int, height: int) -> str:
-    """Return the convex hull of (K, 2) pixels (column, row) as a run-length string.
-
-    Points are sparse in the image: their hull is the region, as the released code has it.
-    """
-    import cv2
-
-    # Drawn on its side: run-lengths go down the columns, and so nothing has to be turned over.
-    mask = np.zeros((width, height), np.uint8)
-    cv2.fillConvexPoly(mask, cv2.convexHull(pixels[:, ::-1].astype(np.int32)), 1)
-    return encode_mask(mask.T.view(np.bool_))
+def _mask(points: MovingPoints, members: IntArray) -> str:
+    return encode_mask(hull_pixels(points.pixels[members], *points.size_px))
 
 
 def motion_medians(points: MovingPoints, members: IntArray) -> dict[str, float | None]:

@@ -29,6 +29,7 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
+from tcrdata.exporters.masks import label_masks
 from tcrdata.exporters.refusals import check_images, check_name, check_shown
 from tcrdata.store import Store
 from tcrdata.types import BoolArray, FloatArray, IntArray
@@ -53,7 +54,7 @@ def export(
         TcrdataError: the folder is not empty, or two datasets have a sequence of one name.
         QueryError: the condition of `where` is none.
         MissingEvidenceError: there is no such selection, no positive label, or no image.
-        FrameError: an image is gone since the build.
+        FrameError: an image or a sweep is gone since the build.
     """
     options = options or ExportOptions()
     with chosen_labels(store, selection_id, options) as chosen:
@@ -84,9 +85,10 @@ class _Instances:
         """Write every sequence."""
         owners: dict[str, str] = {}
         self._file.write('{"images": ')
-        for part in chosen.sequences("exported_masks"):
+        with_points = {"with_points": self._folder is not None}
+        for part in chosen.sequences("exported_masks", with_points):
             check_name(owners, part)
-            self._add(part, _masks(part))
+            self._add(part)
         self.images.close()
         self.annotations.close()
         names = [{"id": _CATEGORY, "name": category, "supercategory": "object"}]
@@ -95,7 +97,7 @@ class _Instances:
         shutil.copyfileobj(self._aside, self._file)
         self._file.write("}\n")
 
-    def _add(self, part: SequenceLabels, masks: dict[str, str]) -> None:
+    def _add(self, part: SequenceLabels) -> None:
         files = FrameImages(part)
         seen = np.array([files.has_image(row) for row in range(part.frames.num_rows)], dtype=bool)
         image_ids = self.images.count + np.cumsum(seen)
@@ -104,16 +106,10 @@ class _Instances:
             files.place_all(self._folder)
         boxes = image_boxes(part)
         kept = ~np.isnan(boxes).any(axis=1) & seen[part.frame_rows]
+        masks = label_masks(part, kept)
         self.positive += int((kept & part.positive).sum())
         first = self.annotations.count + 1
         self.annotations.extend(_annotations(part, boxes, kept, image_ids, masks, first))
-
-
-def _masks(part: SequenceLabels) -> dict[str, str]:
-    rows = part.beside
-    if rows is None:
-        return {}
-    return dict(zip(rows["proposal_id"].to_pylist(), rows["mask"].to_pylist(), strict=True))
 
 
 def _images(
@@ -179,6 +175,9 @@ def _segmentation(pixels: str | None, size: list[int], box: list[float]) -> dict
 def _card(out: str, options: ExportOptions, instances: _Instances, chosen: ChosenLabels) -> Card:
     written = instances.annotations.count
     ignored = written - instances.positive
+    pixels = "of the proposal's region"
+    if not options.labels_only:
+        pixels += ", else the convex hull of the label's points in the image"
     regions = "iscrowd 1, with a run-length mask (the box's where there is no other)"
     conventions = (
         ("file", "annotations/instances.json; file_name is relative to the folder"),
@@ -188,7 +187,7 @@ def _card(out: str, options: ExportOptions, instances: _Instances, chosen: Chose
         ("order", "bbox is left, top, width, height"),
         ("yaw", "none: boxes stand upright in the image"),
         ("units", "pixels; area in square pixels, of the mask where there is one"),
-        ("masks", "compressed run-length strings; labels without one have no segmentation"),
+        ("masks", f"compressed run-length strings: {pixels}; labels without have no segmentation"),
         ("category", f"{_CATEGORY} = {options.category} for every object: labels have no class"),
         ("ignore", regions if options.ignore == "keep" else "dropped"),
         ("left out", unseen_line(chosen, instances.positive, ignored)),

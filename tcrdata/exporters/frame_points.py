@@ -11,7 +11,7 @@ from tcrdata.errors import FrameError
 from tcrdata.exporters.arrays import matrices
 from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.geometry.transforms import inverse, transform_points
-from tcrdata.types import Dataset, Float32Array, FloatArray, Frame
+from tcrdata.types import Dataset, Float32Array, FloatArray, Frame, PointCloud
 
 _LIDAR_T_LEVEL = np.array(
     [[0.0, 0.0, 1.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
@@ -68,15 +68,26 @@ class FramePoints:
         Raises:
             FrameError: the points are gone since the build, or cannot be read.
         """
+        cloud = self._cloud(row)
+        xyz = transform_points(self._poses[row], cloud.xyz.astype(np.float64))
+        return np.column_stack([xyz, cloud.reflectance]).astype(np.float32)
+
+    def level(self, row: int) -> FloatArray:
+        """Return (N, 3) x, y, z (m) in the level frame, as a proposal's `point_indices` count them.
+
+        Raises:
+            FrameError: the points are gone since the build, or cannot be read.
+        """
+        return self._cloud(row).xyz.astype(np.float64)
+
+    def _cloud(self, row: int) -> PointCloud:
         number = self._numbers[row]
         if number not in self._frames:
             raise FrameError(
                 f"frame {number} of '{self._part.sequence}' is gone from {self._part.root} since "
                 "the build: put it back, or add --labels-only"
             )
-        cloud = self._dataset.read_points(self._frames[number])
-        xyz = transform_points(self._poses[row], cloud.xyz.astype(np.float64))
-        return np.column_stack([xyz, cloud.reflectance]).astype(np.float32)
+        return self._dataset.read_points(self._frames[number])
 
     @cached_property
     def _dataset(self) -> Dataset:

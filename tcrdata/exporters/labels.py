@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import groupby
@@ -164,7 +164,11 @@ class ChosenLabels:
         self.names = sorted({size[1] for size in self._sizes})
 
     def sequences(
-        self, beside: str | None = None, *, files: bool = True
+        self,
+        beside: str | None = None,
+        parameters: Mapping[str, object] | None = None,
+        *,
+        files: bool = True,
     ) -> Iterator[SequenceLabels]:
         """Yield every sequence that the selection saw, sorted; also those without labels.
 
@@ -173,6 +177,7 @@ class ChosenLabels:
         Args:
             beside: a further report with the parameters of `exported_labels.sql` that choose
                 labels and sequences, and with rows sorted by sequence.
+            parameters: others of that report.
             files: look up where images and points lie; without, their paths are NULL.
         """
         for dataset, first, last in _groups(self._sizes):
@@ -189,7 +194,8 @@ class ChosenLabels:
             own = by_sequence(labels)
             more: dict[str, pa.Table] = {}
             if beside is not None:
-                report = run_report(self.connection, beside, {**self._selected, **place})
+                asked = {**self._selected, **place, **(parameters or {})}
+                report = run_report(self.connection, beside, asked)
                 more = by_sequence(report.to_arrow_table())
             for sequence, part in by_sequence(frames).items():
                 chosen = own.get(sequence, labels.slice(0, 0))
