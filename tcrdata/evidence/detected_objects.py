@@ -102,7 +102,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
     covered = _covered(cue)
     fit = _scaled(settings.fit, scale)
     loose = [group.box for group in groups]
-    lookup = Lookup(fit.grow_m, fit.base_m, fit.voxel_m, settings.front_m * scale, scale)
+    lookup = Lookup(fit.reach_m, fit.base_m, fit.voxel_m, settings.front_m * scale, scale)
     points: dict[int, Float32Array] = {}
     for shown in _looked_up(cue, world, groups, loose, covered, lookup, standing_points):
         for number, more in shown.points:

@@ -96,7 +96,7 @@ def test_confidences_say_how_long_and_how_surely() -> None:
 
 
 def test_faint_and_lonely_detections_are_no_objects() -> None:
-    faint = [(frame, roughly(frame), 0.1) for frame in SEEN]
+    faint = [(frame, roughly(frame), 0.05) for frame in SEEN]
     assert rows_of(faint) == []
     assert rows_of([(3, roughly(3), 0.9)]) == []
     assert rows_of([]) == []
@@ -122,7 +122,7 @@ def test_a_box_is_anchored_on_the_side_that_was_seen(eyes, middle, size) -> None
     points = np.column_stack([along, np.zeros(400), np.tile([-0.9, 0.9], 200), np.full(400, 1.0)])
     box = np.array([0, 0, 0, 4.0, 1.8, 1.5, 0.0])
     sensors = np.column_stack([eyes, np.zeros(len(eyes))])
-    settings = FitSettings(trim_share=0.0, turn_rad=0.0)
+    settings = FitSettings(trim_share=0.0, turn_rad=0.0, passes=1)
     found = fitted(box, points.astype(np.float32), sensors, settings)
     assert found[[0, 3]] == pytest.approx([middle, size], abs=1e-6)
     assert found[4] == pytest.approx(1.8)
