@@ -42,7 +42,8 @@ def export(
         ignore: keep writes undecided labels as the format's ignore regions, drop leaves them out.
         category: type of every object: the labels have no class.
         dataset: only the sequences of this dataset.
-        validation: sequences of the validation split, with commas between, in formats with splits.
+        validation: sequences of the validation split, with commas between: kitti, openpcdet,
+            mmdet3d and yolo have splits.
         labels_only: write no images and no points, nor links to them.
         overwrite: write into a folder that is not empty.
         json: print what was written as JSON.

@@ -17,6 +17,7 @@ from tcrdata.errors import TcrdataError
 from tcrdata.exporters.frame_points import FramePoints, lidar_boxes, lidar_poses
 from tcrdata.exporters.labels import (
     Card,
+    ChosenLabels,
     ExportOptions,
     SequenceLabels,
     chosen_labels,
@@ -37,11 +38,6 @@ _CONVENTIONS = (
     ("order", "x y z, then dx (length), dy (width), dz (height), heading, category"),
     ("yaw", "heading about z (up): 0 along +x (forward), pi/2 along +y; KITTI's -(pi/2 + ry)"),
     ("units", "metres, radians; intensity 0 to 1"),
-    (
-        "ignore",
-        "the format has none: undecided labels stand in ignored/<number>.txt, which OpenPCDet "
-        "does not read",
-    ),
     ("config", "point_features x y z intensity; DATA_SPLIT train and val"),
     (
         "next",
@@ -98,13 +94,7 @@ def export(
                     _write_points(folder, part, names)
     for split, of_split in infos.items():
         (folder / f"custom_infos_{split}.pkl").write_bytes(pickle.dumps(of_split, protocol=4))
-    lines = (
-        ("file", "labels/<number>.txt, points/<number>.npy, custom_infos_{train,val}.pkl"),
-        *_CONVENTIONS,
-        ("type", f"{options.category} for every object: CLASS_NAMES and MAP_CLASS_TO_KITTI"),
-        *SPLIT_LINES,
-    )
-    return Card("openpcdet", str(out), numbered.count, chosen.total, chosen.ignored, lines)
+    return _card(str(out), options, chosen, numbered.count)
 
 
 def _check_category(category: str) -> None:
@@ -145,3 +135,18 @@ def _info(name: str, boxes: FloatArray, category: str) -> dict[str, Any]:
             "gt_boxes_lidar": boxes.astype(np.float32).view(_PlainArray),
         },
     }
+
+
+def _card(out: str, options: ExportOptions, chosen: ChosenLabels, files: int) -> Card:
+    kept = (
+        "the format has none: undecided labels stand in ignored/<number>.txt, which OpenPCDet "
+        "does not read"
+    )
+    lines = (
+        ("file", "labels/<number>.txt, points/<number>.npy, custom_infos_{train,val}.pkl"),
+        *_CONVENTIONS,
+        ("ignore", kept if options.ignore == "keep" else "dropped"),
+        ("type", f"{options.category} for every object: CLASS_NAMES and MAP_CLASS_TO_KITTI"),
+        *SPLIT_LINES,
+    )
+    return Card("openpcdet", out, files, chosen.total, chosen.ignored, lines)
