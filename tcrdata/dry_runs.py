@@ -9,9 +9,10 @@ from tcrdata.errors import DatasetError
 from tcrdata.ingest import unit_inputs
 from tcrdata.outcomes import BuildReport, UnitOutcome
 from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, needed_stages
-from tcrdata.rounds import Loop, finished_model, recipe_of
+from tcrdata.rounds import Loop
 from tcrdata.store import Store, Unit, open_store, store_exists
 from tcrdata.store.failures import current_failures
+from tcrdata.trainings import known_model, learnable, recipe_of
 from tcrdata.types import Dataset, SequenceInfo
 
 STAGE, ANY_DATASET = "model", "_"  # of a training
@@ -25,17 +26,19 @@ def dry_rounds(loop: Loop, store_url: str) -> BuildReport:
     report = dry_run(loop.first, store_url)
     for number in range(ROUND + 1, loop.rounds + 1):
         models: dict[str, str] = {}
+        kinds = list(loop.kinds)
         if not report.count("todo") and not report.count("failed"):
+            kinds = learnable(open_store(store_url), loop.kinds)
             models = _models(loop, open_store(store_url), number - 1)
         outcomes = [
             UnitOutcome(
                 Unit(STAGE, ANY_DATASET, models.get(kind, kind), number - 1),
                 "done" if kind in models else "todo",
             )
-            for kind in loop.kinds
+            for kind in kinds
         ]
         plan = loop.plan(number, models)
-        if len(models) == len(loop.kinds):
+        if len(models) == len(kinds):
             outcomes.extend(dry_run(plan, store_url).outcomes)
         else:
             units = (unit for sequence in plan.sequences for unit in plan.units(sequence))
@@ -52,7 +55,7 @@ def _models(loop: Loop, store: Store, number: int) -> dict[str, str]:
     if not rows:
         rows = store.read("selections", preset=leader, round=number).to_pylist()
     found = {
-        kind: finished_model(store, recipe_of(loop, kind), row["selection_id"])
+        kind: known_model(store, recipe_of(kind, loop.training), row["selection_id"])
         for kind in loop.kinds
         for row in rows[-1:]
     }

@@ -6,33 +6,26 @@ was stopped goes on where it was: in the middle of a training, at its last check
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tcrdata import pipeline
 from tcrdata import plan as planning
 from tcrdata.errors import SettingsError
 from tcrdata.frame_ranges import FrameRanges
-from tcrdata.outcomes import BuildReport, UnitOutcome
+from tcrdata.outcomes import BuildReport
 from tcrdata.pipeline import Progress
 from tcrdata.plan import Plan
-from tcrdata.rules import Preset, Selection, load_preset
-from tcrdata.store import Store, Unit, open_store
-
-if TYPE_CHECKING:
-    from tcrdata.learning.runs import Recipe
-    from tcrdata.learning.training import Report
+from tcrdata.rules import Preset, load_preset
+from tcrdata.store import open_store
+from tcrdata.trainings import Trained, check_torch, learn, learnable, recipe_of
 
 LEADER = "tcrdata"
 """Of all presets together, the one whose labels are learnt from."""
 
 _TRAIN = "train"
-
-Trained = Callable[[int, str, "Report"], None]
-"""Called after each step of a training: round of the labels, kind of the model, how far it is."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +109,7 @@ def plan_rounds(
                 assignments=values,
             )
         )  # fmt: skip
-    _check_torch(rounds)
+    check_torch(rounds)
     training = {
         name.partition(".")[2]: values.pop(name)
         for name in list(values)
@@ -141,7 +134,7 @@ def plan_rounds(
     first, later = (_part(whole, part, anew=part is successors) for part in (names, successors))
     loop = Loop(first, later, rounds, training)
     for kind in loop.kinds:
-        recipe_of(loop, kind)
+        recipe_of(kind, loop.training)
     return loop
 
 
@@ -179,8 +172,9 @@ def build_rounds(
         if len(report.leading) < number - planning.ROUND:
             break
         models: dict[str, str] = {}
-        for kind in loop.kinds:
-            outcome = _learn(store, loop, kind, report.leading[-1], trained)
+        labels = report.leading[-1]
+        for kind in learnable(store, loop.kinds):
+            outcome = learn(store, recipe_of(kind, loop.training), labels, trained)
             progress(outcome)
             models[kind] = outcome.unit.sequence
             report = replace(report, outcomes=(*report.outcomes, outcome))
@@ -189,58 +183,6 @@ def build_rounds(
             (*report.outcomes, *made.outcomes), (*report.selections, *made.selections)
         )
     return report
-
-
-def recipe_of(loop: Loop, kind: str) -> Recipe:
-    """Return how a kind of model is trained.
-
-    Raises:
-        SettingsError: an unknown name or value.
-    """
-    from tcrdata.learning.runs import LOOPS, plan_recipe
-
-    own: dict[str, str] = {}
-    for name, text in loop.training.items():
-        first, _, rest = name.partition(".")
-        if first in LOOPS:
-            own |= {rest: text} if first == kind else {}
-        elif name not in own:
-            own[name] = text
-    return plan_recipe(kind, own)
-
-
-def finished_model(store: Store, recipe: Recipe, selection_id: str) -> dict[str, Any] | None:
-    """Return the row of the model of a recipe and labels, finished before begun ones; None if none.
-
-    Args:
-        store: that holds it.
-        recipe: all but the data.
-        selection_id: of the labels.
-    """
-    from tcrdata.learning.checkpoints import model_rows
-
-    rows = [row for row in model_rows(store) if row["selection_id"] == selection_id]
-    data = ("selection_id", "labels_round", "snapshot")
-    own = [r for r in rows if r["model_id"] == recipe.identity(*(r[n] for n in data)).model_id]
-    return max(own, key=lambda row: (row["finished"], row["step"]), default=None)
-
-
-def _learn(store: Store, loop: Loop, kind: str, labels: Selection, trained: Trained) -> UnitOutcome:
-    """Train a kind on a selection, from the last checkpoint where there is one."""
-    from tcrdata.learning.runs import run_training
-
-    recipe = recipe_of(loop, kind)
-    row = finished_model(store, recipe, labels.selection_id)
-    model, made = run_training(
-        store,
-        recipe,
-        selection_id=labels.selection_id,
-        snapshot=row["snapshot"] if row else None,
-        resume=row is not None and not row["finished"],
-        report=lambda report: trained(labels.round, kind, report),
-    )
-    unit = Unit(model.unit.stage, model.unit.dataset, model.model_id, labels.round)
-    return UnitOutcome(unit, "made" if made else "done")
 
 
 def _part(plan: Plan, names: tuple[str, ...], *, anew: bool) -> Plan:
@@ -286,11 +228,3 @@ def _with_model(cue: str, settings: Any, models: Mapping[str, str]) -> Any:
     if kind is None or kind not in models or settings.model:
         return settings
     return replace(settings, model=models[kind])
-
-
-def _check_torch(rounds: int) -> None:
-    if importlib.util.find_spec("torch") is None:
-        raise SettingsError(
-            f"--rounds {rounds} trains networks, which takes PyTorch: "
-            "pip install 'tcrdata[train]', or build one round"
-        )

@@ -26,6 +26,7 @@ LAYERS = (
         "dry_runs",
         "pipeline",
         "rounds",
+        "trainings",
         "status",
         "pictures",
         "recordings",

@@ -2,7 +2,7 @@
 -- of and what moves, so that nothing parked becomes a label.
 -- rules: source, modules_product, motion_seen, cycle_error
 -- required: source, modules_product, motion_seen
--- cues: flow_ransac, regions_release, objectness3d
+-- cues: flow_ransac, regions_release, objectness3d, objectness2d
 -- ignore: detector_faint
 set variable taken_source = 'detector';
 set variable taken_fit = 'center_net';
