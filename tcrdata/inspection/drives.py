@@ -20,12 +20,17 @@ class Drives:
     def __init__(self, store: Store) -> None:
         self.store = store
         self._files = Filesystem(store.url)
-        self._snapshots: dict[str, Snapshot] = {}
+        self._snapshots: dict[tuple[str, tuple[str, str] | None], Snapshot] = {}
 
     def names(self, selection: Mapping[str, Any]) -> list[tuple[str, str]]:
         """Return dataset and sequence of every drive of which a selection read proposals."""
         units = [f.unit for f in self._snapshot(selection).files if f.table == "proposals"]
         return sorted({(unit.dataset, unit.sequence) for unit in units})
+
+    def holds(self, selection: Mapping[str, Any], dataset: str, sequence: str) -> bool:
+        """Whether a selection read proposals of a drive."""
+        files = self._snapshot(selection, (dataset, sequence)).files
+        return any(entry.table == "proposals" for entry in files)
 
     def connection(
         self, selection: Mapping[str, Any], dataset: str, sequence: str
@@ -43,13 +48,13 @@ class Drives:
             **self._evidence(selection, dataset, sequence),
             "selections": self.store.files("selections", dataset=dataset, sequence=sequence),
         }
-        connection = connect(self._files, tables, {})
+        connection = connect(self._files, tables, {}, bundled=False)
         labels = {"labels": self.store.files("labels", dataset=dataset, sequence=sequence)}
-        create_views(connection, self._files, labels, {}, "of_any_drive")
+        create_views(connection, self._files, labels, {}, "of_any_drive", bundled=False)
         # Names of drives hold no quotes: the store allows letters, digits and few signs.
         own = f"dataset = '{dataset}' and sequence = '{sequence}'"
         views = {"labels": f"select * from of_any_drive.labels where {own}"}
-        create_views(connection, self._files, {}, views)
+        create_views(connection, self._files, {}, views, bundled=False)
         return connection
 
     def selections(self, dataset: str, sequence: str, round: int) -> list[dict[str, Any]]:
@@ -83,7 +88,7 @@ class Drives:
             read, judged = f"read_{number}", f"judged_{number}"
             for schema in (judged, read):
                 connection.execute(f"drop schema if exists {schema} cascade")
-            create_views(connection, self._files, evidence, {}, read)
+            create_views(connection, self._files, evidence, {}, read, bundled=False)
             connection.execute(f"create schema {judged}")
             connection.execute(
                 f"create table {judged}.proposals as "
@@ -92,16 +97,19 @@ class Drives:
             )
             others = [table for table in evidence if table != "proposals"]
             views = {table: f"from {read}.{table}" for table in others}
-            views["checks"] = checks_view_sql(rows)
-            create_views(connection, self._files, {}, views, judged)
+            views["checks"] = checks_view_sql(rows, one_round=True)
+            create_views(connection, self._files, {}, views, judged, bundled=False)
             parts.append(f"from {judged}.checks")
         connection.execute(f"create or replace table checks as {' union all '.join(parts)}")
 
-    def _snapshot(self, selection: Mapping[str, Any]) -> Snapshot:
-        name = selection["snapshot"]
-        if name not in self._snapshots:
-            self._snapshots[name] = self.store.snapshot(name)
-        return self._snapshots[name]
+    def _snapshot(
+        self, selection: Mapping[str, Any], drive: tuple[str, str] | None = None
+    ) -> Snapshot:
+        """What a selection read, or of it one drive's files: a store has thousands of drives."""
+        asked = (selection["snapshot"], drive)
+        if asked not in self._snapshots:
+            self._snapshots[asked] = self.store.snapshot(*asked)
+        return self._snapshots[asked]
 
     def _evidence(
         self, selection: Mapping[str, Any], dataset: str, sequence: str
@@ -109,7 +117,7 @@ class Drives:
         """The files of one drive that a selection read, a list a table."""
         chosen: dict[str, list[FileEntry]] = {table: [] for table in EVIDENCE_TABLES}
         wanted = (dataset, sequence, selection["round"])
-        for entry in self._snapshot(selection).files:
+        for entry in self._snapshot(selection, (dataset, sequence)).files:
             unit = entry.unit
             if entry.table in chosen and (unit.dataset, unit.sequence, unit.round) == wanted:
                 chosen[entry.table].append(entry)

@@ -55,7 +55,7 @@ def find_by_id(drives: Drives, selection: Mapping[str, Any], proposal_id: str) -
             f"'{proposal_id}' is no proposal's id, which begins with dataset/sequence/: "
             + _how_to_list(drives)
         )
-    if (dataset, sequence) not in drives.names(selection):
+    if not drives.holds(selection, dataset, sequence):
         raise _no_drive(drives, selection, f"{dataset}/{sequence}")
     connection = drives.connection(selection, dataset, sequence)
     near = connection.execute(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from decimal import Decimal
 
 import duckdb
 
-from tcrdata.rules import Rule
+from tcrdata.rules import RuleText
 from tcrdata.rules.binding import EVIDENCE_TABLES, KEY_COLUMNS
 from tcrdata.rules.scopes import scoped
 from tcrdata.store import schemas
@@ -35,7 +36,7 @@ def hold_ready(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> None:
 
 def passing_value(
     connection: duckdb.DuckDBPyConnection,
-    rule: Rule,
+    rule: RuleText,
     literals: Mapping[str, str],
     measured: float | None,
 ) -> tuple[str, str] | None:
@@ -57,7 +58,7 @@ def passing_value(
     values = _values(connection, rule, measured)
     if not numbers or not values:
         return None
-    relations = {table: _TRIED + table for table in rule.reads.tables}
+    relations = {table: _TRIED + table for table in EVIDENCE_TABLES if _names(rule, table)}
     branches = []
     for parameter in numbers:
         # The value stands where the parameter stood: one query tries them all.
@@ -66,7 +67,7 @@ def passing_value(
         branches.append(
             f"select '{parameter.name}' as parameter, tried_values.*, "
             f"abs(tried_value - {present}) / greatest(abs({present}), 1e-9) as change "
-            f"from tried_values, lateral ({scoped(verdict, rule.reads.tables, relations)}) "
+            f"from tried_values, lateral ({scoped(verdict, tuple(relations), relations)}) "
             "where passed"
         )
     rows = connection.execute(
@@ -77,7 +78,9 @@ def passing_value(
     return (str(rows[0][0]), str(rows[0][1])) if rows else None
 
 
-def _values(connection: duckdb.DuckDBPyConnection, rule: Rule, measured: float | None) -> list[str]:
+def _values(
+    connection: duckdb.DuckDBPyConnection, rule: RuleText, measured: float | None
+) -> list[str]:
     """Rows of values to try: text, number, 1 for the measured one, whether it has few digits."""
     scale, read = _columns_read(connection, rule)
     places: dict[Decimal, int] = {}
@@ -93,18 +96,23 @@ def _values(connection: duckdb.DuckDBPyConnection, rule: Rule, measured: float |
     ]
 
 
+def _names(rule: RuleText, name: str) -> bool:
+    """Whether a table or column is among the words of a rule's select."""
+    return re.search(rf"\b{name}\b", rule.file.select, re.IGNORECASE) is not None
+
+
 def _has_id(table: str) -> bool:
     return "proposal_id" in schemas.arrow_schema(table).names
 
 
 def _columns_read(
-    connection: duckdb.DuckDBPyConnection, rule: Rule
+    connection: duckdb.DuckDBPyConnection, rule: RuleText
 ) -> tuple[float, Sequence[float | None]]:
     """The drive's scale, and the proposal's numbers that the rule reads."""
     names = [
         name
         for name, kind, _ in schemas.columns("proposals")
-        if name in rule.reads.columns and name not in KEY_COLUMNS and kind.upper() in _NUMBERS
+        if _names(rule, name) and name not in KEY_COLUMNS and kind.upper() in _NUMBERS
     ]
     row = connection.execute(
         f"select {', '.join(['metric_scale', *names])} from {_TRIED}proposals"

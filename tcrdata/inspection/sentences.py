@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 
-from tcrdata.rules import Rule
+from tcrdata.rules import RuleText
 
 _COMPARISON = re.compile(r"\bvalue (<=|>=|<|>|=)|(<=|<) value (<=|<)")
 _UNITLESS = ("share", "ratio", "chi-square")
 
 
-def unit_of(rule: Rule | None) -> str:
+def unit_of(rule: RuleText | None) -> str:
     """Return the unit of a rule's value: that of the first parameter its `needs:` names."""
     if rule is None:
         return ""
@@ -21,7 +21,7 @@ def unit_of(rule: Rule | None) -> str:
     return "" if unit in _UNITLESS else unit
 
 
-def need(rule: Rule | None, value: float | None, bound: float | None, verdict: str) -> str:
+def need(rule: RuleText | None, value: float | None, bound: float | None, verdict: str) -> str:
     """Return what a rule asks of the value, such as `<= 0.25 m`.
 
     Args:
@@ -44,7 +44,7 @@ def need(rule: Rule | None, value: float | None, bound: float | None, verdict: s
 
 
 def sentence(
-    name: str, rule: Rule | None, value: float | None, bound: float | None, verdict: str
+    name: str, rule: RuleText | None, value: float | None, bound: float | None, verdict: str
 ) -> str:
     """Return one rule's verdict as a sentence; the arguments are those of `need`, and its name."""
     title = name.replace("_", " ")
@@ -63,7 +63,7 @@ def number(value: float) -> str:
     return f"{value:.4g}"
 
 
-def _sense(rule: Rule, value: float | None, bound: float, verdict: str) -> str | None:
+def _sense(rule: RuleText, value: float | None, bound: float, verdict: str) -> str | None:
     """The comparison that the rule makes with this bound; None when that cannot be told."""
     found = _COMPARISON.search(rule.needs)
     if found is None:

@@ -12,7 +12,7 @@ from tcrdata.inspection.finding import Found
 from tcrdata.inspection.flips import hold_ready, passing_value
 from tcrdata.inspection.sentences import need, sentence
 from tcrdata.reports import run_report
-from tcrdata.rules import Preset, Rule, load_preset
+from tcrdata.rules import PresetText, RuleText, read_preset
 
 
 @dataclass(frozen=True)
@@ -149,10 +149,10 @@ def _rows(found: Found, report: str, parameters: Mapping[str, Any]) -> list[dict
     return rows
 
 
-def _preset_of(selection: Mapping[str, Any], path: str | None) -> Preset | None:
+def _preset_of(selection: Mapping[str, Any], path: str | None) -> PresetText | None:
     """The preset that the selection ran; None when it does not ship and no path is given."""
     try:
-        return load_preset(path or selection["preset"])
+        return read_preset(path or selection["preset"])
     except SettingsError:
         if path is not None:
             raise
@@ -164,7 +164,7 @@ def _literals(selection: Mapping[str, Any]) -> dict[str, str]:
     return dict(selection["parameters"])
 
 
-def _differing(selection: Mapping[str, Any], preset: Preset | None) -> tuple[str, ...]:
+def _differing(selection: Mapping[str, Any], preset: PresetText | None) -> tuple[str, ...]:
     """`name=value` where the selection has another value than its preset."""
     if preset is None:
         return ()
@@ -178,14 +178,14 @@ def _differing(selection: Mapping[str, Any], preset: Preset | None) -> tuple[str
 def _verdicts(
     found: Found,
     selection: Mapping[str, Any],
-    preset: Preset | None,
+    preset: PresetText | None,
     rows: Sequence[Mapping[str, Any]],
 ) -> list[RuleVerdict]:
     """Rows of `why_rules` in words."""
     literals = _literals(selection)
     texts = dict(zip(selection["rules"], selection["rule_texts"], strict=True))
     # A rule whose file says something else by now explains nothing.
-    known: dict[str, Rule] = {
+    known: dict[str, RuleText] = {
         rule.name: rule
         for rule in (preset.rules if preset else ())
         if rule.select(literals) == texts.get(rule.name)

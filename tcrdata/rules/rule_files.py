@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from tcrdata.errors import RuleError
 from tcrdata.resources import resource_folder
 from tcrdata.rules.binding import RULE_COLUMNS, Binder, Reads
 from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, read_sql_file, uses
 
+if TYPE_CHECKING:
+    import duckdb
+
 
 @dataclass(frozen=True)
-class Rule:
-    """A rule as its file has it.
+class RuleText:
+    """A rule as its file has it, which may not bind.
 
     Attributes:
         name: the file's name.
@@ -24,7 +28,6 @@ class Rule:
         cues: stages that can measure what it reads; empty when any proposal has it.
         parameters: in the order of the file.
         file: the parsed file.
-        reads: tables and columns.
     """
 
     name: str
@@ -34,7 +37,6 @@ class Rule:
     cues: tuple[str, ...]
     parameters: tuple[Parameter, ...]
     file: SqlFile
-    reads: Reads
 
     def select(self, literals: dict[str, str]) -> str:
         """The rule's select with its parameters filled in.
@@ -46,25 +48,48 @@ class Rule:
         return fill_in(self.file.select, own | literals)
 
 
+@dataclass(frozen=True)
+class Rule(RuleText):
+    """A rule that binds.
+
+    Attributes:
+        reads: tables and columns.
+    """
+
+    reads: Reads
+
+
+def read_rule(path: Path, connection: duckdb.DuckDBPyConnection) -> RuleText:
+    """Read one rule; whether it binds is not looked at.
+
+    Args:
+        path: its file.
+        connection: runs the `set variable` lines.
+
+    Raises:
+        RuleError: with file and line.
+    """
+    file = read_sql_file(path, ("source", "needs", "cues"), connection)
+    cues = names_in(file.fields["cues"])
+    source, needs = file.fields["source"], file.fields["needs"]
+    return RuleText(file.name, file.decides, source, needs, cues, file.parameters, file)
+
+
 def load_rule(path: Path, binder: Binder) -> Rule:
     """Read one rule and bind it on empty tables.
 
     Raises:
         RuleError: with file and line.
     """
-    file = read_sql_file(path, ("source", "needs", "cues"), binder.connection)
-    literals = {p.name: p.literal for p in file.parameters}
-    reads = binder.bind(file, literals, RULE_COLUMNS, alone=True)
-    used = {name for name, _ in uses(file.select)}
-    for parameter in file.parameters:
+    text = read_rule(path, binder.connection)
+    literals = {p.name: p.literal for p in text.parameters}
+    reads = binder.bind(text.file, literals, RULE_COLUMNS, alone=True)
+    used = {name for name, _ in uses(text.file.select)}
+    for parameter in text.parameters:
         if parameter.name not in used:
             raise RuleError(f"{path}:{parameter.line}: {parameter.name} is set but not used")
         check_described(parameter)
-    cues = names_in(file.fields["cues"])
-    return Rule(
-        file.name, file.decides, file.fields["source"], file.fields["needs"], cues,
-        file.parameters, file, reads,
-    )  # fmt: skip
+    return Rule(**vars(text), reads=reads)
 
 
 def load_rules(

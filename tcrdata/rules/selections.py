@@ -12,7 +12,6 @@ from typing import Any
 
 import duckdb
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.rules.binding import EVIDENCE_TABLES
@@ -219,6 +218,8 @@ def _rows(
     name: str,
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Labels batch by batch, then the selection's own row."""
+    import pyarrow.compute as pc
+
     judged = positive = undecided = 0
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:

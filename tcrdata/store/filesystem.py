@@ -14,13 +14,17 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from functools import cached_property
 from pathlib import Path
-from typing import Any, BinaryIO, Protocol
+from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 
-import pyarrow.fs
+import pyarrow
 
 from tcrdata.errors import StoreError
 from tcrdata.store.locks import locked_folder, sweep
+
+if TYPE_CHECKING:
+    import pyarrow.fs
 
 TEMPORARY = "tmp"
 _FULL = (errno.ENOSPC, errno.EDQUOT)
@@ -98,18 +102,34 @@ class Filesystem:
     """
 
     def __init__(self, url: str) -> None:
-        import fsspec
-
         self.url = url
-        try:
-            self.fs, root = fsspec.core.url_to_fs(url)
-        except (ImportError, ValueError) as error:
-            raise StoreError(f"{url} is not a place for a store: {error}") from error
+        self.is_local = True
+        if ":" in url:
+            self.is_local = "file" in _protocols(self.fs)
+            root = self._opened[1]
+        else:
+            # A folder, as most are: no command over one waits for the import of fsspec.
+            root = str(Path(os.path.expanduser(url)).absolute())  # noqa: PTH111
         self.root: str = root.rstrip("/")
-        self.is_local = "file" in _protocols(self.fs)
 
     def __reduce__(self) -> tuple[type[Filesystem], tuple[str]]:
         return Filesystem, (self.url,)
+
+    @property
+    def fs(self) -> Any:
+        """The filesystem itself."""
+        return self._opened[0]
+
+    @cached_property
+    def _opened(self) -> tuple[Any, str]:
+        """The filesystem, and the path of the store in it."""
+        import fsspec
+
+        try:
+            filesystem, root = fsspec.core.url_to_fs(self.url)
+        except (ImportError, ValueError) as error:
+            raise StoreError(f"{self.url} is not a place for a store: {error}") from error
+        return filesystem, str(root)
 
     def full_path(self, path: str) -> str:
         """The path as the filesystem itself wants it."""
@@ -188,6 +208,8 @@ class Filesystem:
 
     def arrow(self) -> pyarrow.fs.FileSystem:
         """The same filesystem for pyarrow."""
+        import pyarrow.fs
+
         return pyarrow.fs.PyFileSystem(pyarrow.fs.FSSpecHandler(self.fs))
 
 

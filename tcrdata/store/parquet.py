@@ -13,7 +13,6 @@ from threading import Lock
 from typing import Any
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from tcrdata.errors import SchemaError, StoreError
@@ -108,13 +107,15 @@ class ParquetHandle:
                 if equals:
                     rows = rows.filter(row_mask(rows, equals))
                 rows = rows.select(list(columns))
-        return rows.cast(pa.schema([arrow_schema(self._table).field(name) for name in columns]))
+        wanted_schema = pa.schema([arrow_schema(self._table).field(name) for name in columns])
+        return rows if rows.schema == wanted_schema else rows.cast(wanted_schema)
 
     def _matching_groups(self, equals: Mapping[str, Any]) -> list[int]:
         """Numbers of the row groups that match: each holds one row, so they are the rows'."""
         if self._keys is None:
             self._keys = self._file.read(light_columns(self._table))
-        return list(pc.indices_nonzero(row_mask(self._keys, equals)).to_pylist())
+        mask = row_mask(self._keys, equals).to_pylist()
+        return [number for number, matches in enumerate(mask) if matches]
 
 
 class ParquetHandles:
@@ -141,6 +142,8 @@ def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:
     Raises:
         SchemaError: a value's type does not fit its column.
     """
+    import pyarrow.compute as pc
+
     mask: Any = None
     for name, value in equals.items():
         column = rows[name]

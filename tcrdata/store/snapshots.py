@@ -37,10 +37,14 @@ class Snapshot:
         return {"tables": list(self.tables), "files": files}
 
     @staticmethod
-    def from_json(name: str, content: Mapping[str, Any]) -> Snapshot:
-        """Read `to_json` back."""
+    def from_json(
+        name: str, content: Mapping[str, Any], drive: tuple[str, str] | None = None
+    ) -> Snapshot:
+        """Read `to_json` back, or of it the files of one dataset and sequence."""
         files = [
-            FileEntry(**{**entry, "unit": Unit(**entry["unit"])}) for entry in content["files"]
+            FileEntry(**{**entry, "unit": Unit(**entry["unit"])})
+            for entry in content["files"]
+            if drive in (None, (entry["unit"]["dataset"], entry["unit"]["sequence"]))
         ]
         return Snapshot(name, tuple(content["tables"]), tuple(files))
 
@@ -65,8 +69,13 @@ def freeze(
     return Snapshot(name, snapshot.tables, snapshot.files)
 
 
-def read_snapshot(files: Filesystem, name: str) -> Snapshot:
+def read_snapshot(files: Filesystem, name: str, drive: tuple[str, str] | None = None) -> Snapshot:
     """Read a snapshot.
+
+    Args:
+        files: of the store.
+        name: the snapshot's.
+        drive: dataset and sequence: only their files; None for all.
 
     Raises:
         StoreError: there is none of that name, or its file is damaged.
@@ -76,7 +85,7 @@ def read_snapshot(files: Filesystem, name: str) -> Snapshot:
         known = ", ".join(snapshot_names(files)) or "there are none"
         raise StoreError(f"{files.url} has no snapshot '{name}': {known}")
     return parse_json(
-        path, files.read(path), "snapshot", lambda content: Snapshot.from_json(name, content)
+        path, files.read(path), "snapshot", lambda content: Snapshot.from_json(name, content, drive)
     )
 
 

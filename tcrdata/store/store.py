@@ -262,9 +262,13 @@ class Store:
         flat = [entry for table in sorted(entries) for entry in entries[table]]
         return snapshots.freeze(self._files, name, chosen, flat)
 
-    def snapshot(self, name: str) -> Snapshot:
-        """Read a snapshot; StoreError when there is none of that name."""
-        return snapshots.read_snapshot(self._files, name)
+    def snapshot(self, name: str, drive: tuple[str, str] | None = None) -> Snapshot:
+        """Read a snapshot, or its files of one dataset and sequence.
+
+        Raises:
+            StoreError: there is none of that name.
+        """
+        return snapshots.read_snapshot(self._files, name, drive)
 
     def snapshots(self) -> list[str]:
         """Names of all snapshots, sorted."""

@@ -18,9 +18,19 @@ if TYPE_CHECKING:
 
 
 def connect(
-    files: Filesystem, tables: Mapping[str, Sequence[FileEntry]], views: Mapping[str, str]
+    files: Filesystem,
+    tables: Mapping[str, Sequence[FileEntry]],
+    views: Mapping[str, str],
+    *,
+    bundled: bool = True,
 ) -> duckdb.DuckDBPyConnection:
     """A DuckDB connection in memory with one view a table, then the extra views.
+
+    Args:
+        files: of the store.
+        tables: table to its files.
+        views: name to SQL.
+        bundled: read bundles in the place of the files that they hold.
 
     Raises:
         StoreError: a file that a view reads first is damaged.
@@ -31,7 +41,7 @@ def connect(
     connection = duckdb.connect()
     # Files never change: their footers need reading once a connection, not once a query.
     connection.execute("set global parquet_metadata_cache = true")
-    create_views(connection, files, tables, views)
+    create_views(connection, files, tables, views, bundled=bundled)
     return connection
 
 
@@ -41,6 +51,8 @@ def create_views(
     tables: Mapping[str, Sequence[FileEntry]],
     views: Mapping[str, str],
     schema: str = "main",
+    *,
+    bundled: bool = True,
 ) -> None:
     """Create the views of `connect` in one of the connection's schemas.
 
@@ -49,7 +61,7 @@ def create_views(
     import duckdb
 
     connection.execute(f"create schema if not exists {quote(schema)}")
-    bundles = read_bundles(files)
+    bundles = read_bundles(files) if bundled else []
     for table, entries in tables.items():
         if table not in views:
             _create_table(connection, files, table, stand_ins(bundles, entries), schema)
