@@ -123,7 +123,7 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
     outcomes = _rows(found, "why_outcomes", asked)
     itself = [row for row in outcomes if row["relation"] == "itself"]
     own = next(row for row in itself if row["selection_id"] == selection["selection_id"])
-    loaded = _preset_of(selection, preset)
+    loaded = _preset_of(found, selection, preset)
     return Explanation(
         proposal,
         selection["selection_id"],
@@ -149,10 +149,10 @@ def _rows(found: Found, report: str, parameters: Mapping[str, Any]) -> list[dict
     return rows
 
 
-def _preset_of(selection: Mapping[str, Any], path: str | None) -> PresetText | None:
+def _preset_of(found: Found, selection: Mapping[str, Any], path: str | None) -> PresetText | None:
     """The preset that the selection ran; None when it does not ship and no path is given."""
     try:
-        return read_preset(path or selection["preset"])
+        return read_preset(path or selection["preset"], found.connection)
     except SettingsError:
         if path is not None:
             raise

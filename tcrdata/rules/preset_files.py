@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
-
-import duckdb
+from typing import TYPE_CHECKING, TypeVar
 
 from tcrdata.errors import RuleError, SettingsError
 from tcrdata.resources import resource_files, resource_folder
@@ -23,6 +21,9 @@ from tcrdata.rules.rule_files import (
     read_rule,
 )
 from tcrdata.rules.sql_files import Parameter, SqlFile, read_sql_file, uses
+
+if TYPE_CHECKING:
+    import duckdb
 
 FIELDS = ("rules", "required", "cues")
 MAY_HAVE = ("ignore", LOOSENED, NEXT)
@@ -75,23 +76,24 @@ class PresetText:
     parameters: dict[str, Parameter]
 
 
-def read_preset(name: str) -> PresetText:
+def read_preset(name: str, connection: duckdb.DuckDBPyConnection) -> PresetText:
     """Read a preset without a look at whether it binds, in a fraction of the time.
 
     Args:
         name: as for `load_preset`.
+        connection: runs the `set variable` lines, on a cursor of its own.
 
     Raises:
         SettingsError: there is no such preset.
         RuleError: with file and line.
     """
     path = _path_of(name)
-    with duckdb.connect() as connection:
-        file = read_sql_file(path, FIELDS, connection, MAY_HAVE)
+    with connection.cursor() as cursor:
+        file = read_sql_file(path, FIELDS, cursor, MAY_HAVE)
         places = {p.stem: p for p in resource_files("queries/rules/*.sql")}
         places |= {p.stem: p for p in (path.parent / "rules").glob("*.sql")}
         named = [rule for rule in names_in(file.fields["rules"]) if rule in places]
-        rules = {rule: read_rule(places[rule], connection) for rule in named}
+        rules = {rule: read_rule(places[rule], cursor) for rule in named}
     chosen = _chosen(file, rules)
     return PresetText(chosen, _parameters(file, rules, chosen))
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import pyarrow as pa
 
 from tcrdata.errors import SchemaError
 from tcrdata.resources import resource_files
+
+if TYPE_CHECKING:
+    import duckdb
 
 SCHEMA_VERSION = 2
 """Version of all tables together; a store made with another one is refused."""
@@ -95,29 +98,22 @@ def _tables() -> dict[str, _Table]:
     texts = {
         path.stem: path.read_text(encoding="utf-8") for path in resource_files("schemas/*.sql")
     }
-    described: dict[str, list[tuple[str, str, bool]]] = {name: [] for name in texts}
     # DuckDB reads the DDL: no second parser of SQL to keep in step with it.
     with duckdb.connect() as connection:
-        for text in texts.values():
-            connection.execute(text)
-        for table, *column in connection.execute(
-            "select table_name, column_name, data_type, is_nullable from duckdb_columns() "
-            "where table_name in (select unnest(?)) order by table_name, column_index",
-            [list(texts)],
-        ).fetchall():
-            described[table].append((column[0], column[1], column[2]))
-    return {name: _described(name, text, described[name]) for name, text in texts.items()}
+        connection.execute("\n".join(texts.values()))
+        return {name: _described(name, text, connection) for name, text in texts.items()}
 
 
-def _described(name: str, text: str, described: list[tuple[str, str, bool]]) -> _Table:
+def _described(name: str, text: str, connection: duckdb.DuckDBPyConnection) -> _Table:
     """Put together what DuckDB says of a table's columns and what its file says."""
     comments = _comments(text)
+    described = connection.execute(f"describe {name}").fetchall()
     found = [
-        Column(column, kind.lower(), comments.get(column, "")) for column, kind, _ in described
+        Column(column, kind.lower(), comments.get(column, "")) for column, kind, *_ in described
     ]
     fields = [
-        pa.field(column, _type_named(kind), nullable=nullable)
-        for column, kind, nullable in described
+        pa.field(column, _arrow_type(connection.type(kind.lower())), nullable=nullable == "YES")
+        for column, kind, nullable, *_ in described
     ]
     metadata = {b"huggingface": _HUGGING_FACE_IMAGE} if name == "images" else None
     return _Table(text, _weight(text), found, pa.schema(fields, metadata=metadata))
@@ -131,13 +127,6 @@ def _weight(text: str) -> str:
 def _comments(text: str) -> dict[str, str]:
     lines = [line.strip().partition("--") for line in text.splitlines()]
     return {code.split()[0]: comment.strip() for code, _, comment in lines if code and comment}
-
-
-@lru_cache
-def _type_named(kind: str) -> pa.DataType:
-    import duckdb
-
-    return _arrow_type(duckdb.type(kind))
 
 
 def _arrow_type(kind: Any) -> pa.DataType:
