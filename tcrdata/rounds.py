@@ -13,6 +13,7 @@ from typing import Any
 
 from tcrdata import pipeline
 from tcrdata import plan as planning
+from tcrdata.calibration import calibrate
 from tcrdata.errors import SettingsError
 from tcrdata.frame_ranges import FrameRanges
 from tcrdata.outcomes import BuildReport
@@ -179,6 +180,7 @@ def build_rounds(
             models[kind] = outcome.unit.sequence
             report = replace(report, outcomes=(*report.outcomes, outcome))
         made = make(loop.plan(number, models), store_url)
+        calibrate(store, number)
         report = BuildReport(
             (*report.outcomes, *made.outcomes), (*report.selections, *made.selections)
         )

@@ -25,6 +25,7 @@ LAYERS = (
         "executors",
         "dry_runs",
         "pipeline",
+        "calibration",
         "rounds",
         "trainings",
         "status",

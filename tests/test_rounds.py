@@ -216,3 +216,17 @@ def test_the_other_presets_evidence_is_measured_too() -> None:
     assert planned.later.cues == ("objectness3d", "detected_objects")
     assert planned.later.presets == ("tcrdata_learned",)
     assert planned.kinds == ("detector",)
+
+
+def test_each_round_calibrates_its_modules_by_one_another(reference: Path) -> None:
+    """Confidences that others share more rank higher, and no row rests on truth or nobody."""
+    rows = open_store(str(reference)).read("calibrations").to_pylist()
+    assert {row["round"] for row in rows} == {2, 3}
+    assert {"track", "free_space", "objectness_3d"} <= {row["module"] for row in rows}
+    for row in rows:
+        assert row["proposals"] > 0
+        assert 0 <= row["others_confidence"] <= 1
+    by_module: dict[tuple[int, str], list[float]] = {}
+    for row in rows:
+        by_module.setdefault((row["round"], row["module"]), []).append(row["calibrated"])
+    assert all(values == sorted(values) for values in by_module.values())

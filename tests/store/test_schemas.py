@@ -54,7 +54,10 @@ def test_every_table_round_trips(table, url, tmp_path):
 def test_the_weights_are_those_of_the_design():
     heavy = {table for table in schemas.table_names() if schemas.is_heavy(table)}
     assert heavy == {"images", "sweeps", "flows", "point_evidence", "weights"}
-    assert [table for table in schemas.table_names() if schemas.is_view(table)] == ["checks", "verdicts"]
+    assert [table for table in schemas.table_names() if schemas.is_view(table)] == [
+        "checks",
+        "verdicts",
+    ]
 
 
 @pytest.mark.parametrize("table", schemas.table_names())
@@ -73,7 +76,7 @@ def test_comments_and_types_are_read_from_the_ddl():
 
 
 def test_an_unknown_table_is_named(store):
-    with pytest.raises(SchemaError, match="no table 'proposal': the tables are checks, "):
+    with pytest.raises(SchemaError, match="no table 'proposal': the tables are calibrations, checks, "):
         store.files("proposal")
 
 
