@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 if TYPE_CHECKING:
     from rich.progress import Progress
@@ -23,17 +23,27 @@ def print_json(value: Any) -> None:
 
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
-    """Print a table on stdout: numbers to the right, None as a dash."""
+    """Print a table on stdout: numbers to the right, None as a dash.
+
+    Names and ids are for pasting: nothing is cut short, and where there is room for them in one
+    line only what has spaces is wrapped.
+    """
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title or None, title_justify="left", header_style="bold")
+    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH_IN_A_FILE)
+    shown = [[_shown(value) for value in row] for row in rows]
+    columns_shown = [[name, *(row[index] for row in shown)] for index, name in enumerate(columns)]
+    longest = [max(len(word) for cell in c for word in cell.split(" ")) for c in columns_shown]
+    fits = sum(longest) + 3 * len(columns) + 1 <= console.width
     for index, name in enumerate(columns):
         numeric = any(isinstance(row[index], int | float) for row in rows)
-        table.add_column(name, justify="right" if numeric else "left", no_wrap=index == 0)
-    for row in rows:
-        table.add_row(*(_shown(value) for value in row))
-    console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH_IN_A_FILE)
+        whole = fits and not any(" " in cell for cell in columns_shown[index][1:])
+        justify: Literal["left", "right"] = "right" if numeric else "left"
+        table.add_column(name, justify=justify, no_wrap=whole, overflow="fold")
+    for cells in shown:
+        table.add_row(*cells)
     console.print(table)
 
 

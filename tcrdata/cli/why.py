@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shlex
 import sys
 from pathlib import Path
@@ -82,19 +83,22 @@ def _print(found: Explanation) -> None:
         sys.stdout.write(line + "\n")
     console.print_table(
         "rules",
-        ("rule", "verdict", "value", "needs", "margin", "source"),
+        ("rule", "verdict", "value", "margin", "needs", "source"),
         [
-            (r.rule + " *" * r.required, r.verdict, r.value, r.needs, r.margin, r.source)
+            (
+                r.rule + " *" * r.required, r.verdict, _number(r.value), _margin(r.margin),
+                r.needs, _where(r.source),
+            )
             for r in found.rules
         ],
-    )
+    )  # fmt: skip
     if any(rule.required for rule in found.rules):
         sys.stdout.write("* required: abstaining stops the proposal\n")
     console.print_table(
         "evidence",
         ("about", "what", "value", "unit", "confidence"),
         [
-            (row["about"], row["name"], row["value"], row["unit"], row["confidence"])
+            (row["about"], row["name"], _number(row["value"]), row["unit"], row["confidence"])
             for row in found.evidence
         ],
     )
@@ -144,6 +148,23 @@ def _answer(found: Explanation) -> list[str]:
             f"the select of preset {found.preset} does not take it: see what stands in its place"
         )
     return lines
+
+
+def _number(value: float | None) -> str:
+    """A value with the digits that matter."""
+    from tcrdata.inspection.sentences import number
+
+    return "-" if value is None else number(value)
+
+
+def _margin(value: float | None) -> str:
+    """A margin in bounds, with its sign."""
+    return "-" if value is None else f"{value:+.3g}"
+
+
+def _where(source: str) -> str:
+    """The place in the literature alone; `tcrdata rules` tells the rest."""
+    return re.split("[:;] ", source)[0]
 
 
 def _became(row: dict[str, Any]) -> tuple[Any, ...]:
