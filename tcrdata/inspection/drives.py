@@ -9,6 +9,7 @@ import duckdb
 
 from tcrdata.rules import checks_view_sql
 from tcrdata.rules.binding import EVIDENCE_TABLES
+from tcrdata.rules.rounds import MEASURED, rounds_read
 from tcrdata.store import FileEntry, Snapshot, Store
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import connect, create_views
@@ -97,7 +98,8 @@ class Drives:
             )
             others = [table for table in evidence if table != "proposals"]
             views = {table: f"from {read}.{table}" for table in others}
-            views["checks"] = checks_view_sql(rows, one_round=True)
+            one_round = rows[0]["round"] == MEASURED
+            views["checks"] = checks_view_sql(rows, one_round=one_round)
             create_views(connection, self._files, {}, views, judged, bundled=False)
             parts.append(f"from {judged}.checks")
         connection.execute(f"create or replace table checks as {' union all '.join(parts)}")
@@ -116,9 +118,10 @@ class Drives:
     ) -> dict[str, list[FileEntry]]:
         """The files of one drive that a selection read, a list a table."""
         chosen: dict[str, list[FileEntry]] = {table: [] for table in EVIDENCE_TABLES}
-        wanted = (dataset, sequence, selection["round"])
+        rounds = rounds_read(selection["round"])
         for entry in self._snapshot(selection, (dataset, sequence)).files:
             unit = entry.unit
-            if entry.table in chosen and (unit.dataset, unit.sequence, unit.round) == wanted:
+            own = (unit.dataset, unit.sequence) == (dataset, sequence) and unit.round in rounds
+            if entry.table in chosen and own:
                 chosen[entry.table].append(entry)
         return chosen
