@@ -33,7 +33,8 @@ def open_store(url: str, create: bool = False) -> Store:
     if files.size(_STORE_FILE) is None:
         if not create:
             raise StoreError(f"there is no store at {url}: make one with `tcrdata build`")
-        if not files.is_empty():
+        # Another build may have made it between the two looks.
+        if not files.is_empty() and files.size(_STORE_FILE) is None:
             raise StoreError(f"{url} is not a store and not empty: give a new or empty folder")
         files.create(_STORE_FILE, dump_json({"schema_version": SCHEMA_VERSION}))
     version = parse_json(
