@@ -13,7 +13,7 @@ set variable max_cycle_error_m = 0.25;
 set variable egomotion_method = 'flow_ransac';
 
 with sure as (
-    select proposal_id, list_avg(list(confidence)) as score
+    select proposal_id, list_avg(list(confidence order by module)) as score
     from confidences
     where module in ('motion_3d', 'objectness_3d', 'objectness_2d')
     group by proposal_id

@@ -12,7 +12,7 @@ set variable max_cycle_error_m = 0.1;
 set variable egomotion_method = 'flow_ransac';
 
 with sure as (
-    select proposal_id, list_avg(list(confidence)) as score
+    select proposal_id, list_avg(list(confidence order by module)) as score
     from confidences
     where module in ('motion_2d', 'objectness_3d', 'objectness_2d')
     group by proposal_id

@@ -4,8 +4,9 @@
 set variable calibrated_round = 1;  -- EM round; what was measured in round 1 counts in each
 set variable bins = 10;             -- bins: of equal width between 0 and 1
 
+-- Sums of decimals are the same in any order, those of doubles are not.
 with said as (
-    select proposal_id, module, max(confidence) as confidence
+    select proposal_id, module, max(confidence)::decimal(18, 12) as confidence
     from confidences
     where confidence is not null and round in (1, getvariable('calibrated_round'))
     group by all
@@ -17,8 +18,10 @@ together as (
     having count(*) > 1
 ),
 judged as (
-    select module, least(floor(confidence * getvariable('bins')), getvariable('bins') - 1)::integer as bin,
-           (total - confidence) / (modules - 1) as others
+    select module,
+           least(floor(confidence::double * getvariable('bins')), getvariable('bins') - 1)::integer
+               as bin,
+           ((total - confidence) / (modules - 1))::decimal(18, 12) as others
     from said
     join together using (proposal_id)
 ),
@@ -34,7 +37,7 @@ summed as (
 ),
 spans as (
     select a.module, a.bin as first_bin, b.bin as last_bin,
-           (b.total_up_to - a.total_up_to + a.total)
+           (b.total_up_to - a.total_up_to + a.total)::double
                / (b.proposals_up_to - a.proposals_up_to + a.proposals) as mean
     from summed a
     join summed b on b.module = a.module and b.bin >= a.bin
@@ -51,7 +54,7 @@ isotonic as (
 select getvariable('calibrated_round')::integer as round, module,
        (bin / getvariable('bins'))::double as confidence_low,
        ((bin + 1) / getvariable('bins'))::double as confidence_high,
-       proposals, (total / proposals)::double as others_confidence, calibrated::double as calibrated
+       proposals, total::double / proposals as others_confidence, calibrated::double as calibrated
 from binned
 join isotonic using (module, bin)
 order by module, bin
