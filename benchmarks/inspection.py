@@ -4,7 +4,8 @@
     python benchmarks/inspection.py --folder /tmp/stores --only funnel,diff
 
 The store has 1,000 synthetic sequences of 100 frames with 20 proposals each, their confidences and
-two selections. It is made first and kept with --folder. Each command is a process of its own, its
+two selections, and `tcrdata compact` has bundled its files once. It is made first and kept with
+--folder. Each command is a process of its own, its
 start included; the best of --times runs counts.
 """
 
@@ -143,13 +144,14 @@ def make_store(folder: Path, sequences: int) -> None:
 
 
 def add_selections(folder: Path) -> None:
-    """Select labels twice; nothing is done when they are there."""
+    """Select labels twice and bundle the files; nothing is done where that was done."""
     from tcrdata.rules import select
     from tcrdata.store import open_store
 
     store = open_store(str(folder))
     select(store, "tcrdata")
     select(store, "tcrdata", {"min_travel_m": 5, "min_points": 20}, name="strict")
+    store.compact()
 
 
 def commands(folder: Path, out: Path) -> dict[str, list[str]]:
@@ -173,8 +175,8 @@ def commands(folder: Path, out: Path) -> dict[str, list[str]]:
     }
 
 
-def measure(command: list[str], store: Path) -> tuple[float, int]:
-    """Wall seconds and peak megabytes of a command in a process of its own."""
+def measure(command: list[str], store: Path) -> tuple[float, float, int]:
+    """Wall and CPU seconds and peak megabytes of a command in a process of its own."""
     words = [sys.executable, "-m", "tcrdata", *command, "--store", str(store)]
     started = time.perf_counter()
     process = subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
@@ -185,10 +187,10 @@ def measure(command: list[str], store: Path) -> tuple[float, int]:
     process.returncode = os.waitstatus_to_exitcode(status)
     if process.returncode:
         sys.exit(f"{' '.join(command)}: {said}")
-    return seconds, used.ru_maxrss // 1024
+    return seconds, used.ru_utime + used.ru_stime, used.ru_maxrss // 1024
 
 
-def measure_writing(command: list[str], store: Path) -> tuple[float, int]:
+def measure_writing(command: list[str], store: Path) -> tuple[float, float, int]:
     """As `measure`, on a copy: run again it would find its labels there.
 
     The copy is made of hard links, since what is there is never changed.
@@ -211,14 +213,15 @@ def main() -> None:
         if not folder.exists():
             make_store(folder, asked.sequences)
         add_selections(folder)
-        print("| command | s | peak MB | load before |")
-        print("| --- | ---: | ---: | ---: |")
+        print("after `tcrdata compact`, the best of", asked.times, "runs each:\n")
+        print("| command | s | CPU s | peak MB | load before |")
+        print("| --- | ---: | ---: | ---: | ---: |")
         for name, command in commands(folder, Path(temporary)).items():
             if asked.only is None or name in asked.only.split(","):
                 load = os.getloadavg()[0]
                 run = measure_writing if name == "check" else measure
-                seconds, peak = min(run(command, folder) for _ in range(asked.times))
-                print(f"| {name} | {seconds:.2f} | {peak:,} | {load:.1f} |", flush=True)
+                seconds, cpu, peak = min(run(command, folder) for _ in range(asked.times))
+                print(f"| {name} | {seconds:.2f} | {cpu:.2f} | {peak:,} | {load:.1f} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -34,17 +34,31 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
     table = Table(title=title or None, title_justify="left", header_style="bold")
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH_IN_A_FILE)
     shown = [[_shown(value) for value in row] for row in rows]
-    columns_shown = [[name, *(row[index] for row in shown)] for index, name in enumerate(columns)]
-    longest = [max(len(word) for cell in c for word in cell.split(" ")) for c in columns_shown]
-    fits = sum(longest) + 3 * len(columns) + 1 <= console.width
+    cells_of = [[name, *(row[index] for row in shown)] for index, name in enumerate(columns)]
+    widths = _widths(cells_of, console.width - 3 * len(columns) - 1)
     for index, name in enumerate(columns):
         numeric = any(isinstance(row[index], int | float) for row in rows)
-        whole = fits and not any(" " in cell for cell in columns_shown[index][1:])
         justify: Literal["left", "right"] = "right" if numeric else "left"
-        table.add_column(name, justify=justify, no_wrap=whole, overflow="fold")
+        table.add_column(name, justify=justify, width=widths[index], overflow="fold")
     for cells in shown:
         table.add_row(*cells)
     console.print(table)
+
+
+def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int | None]:
+    """Characters for each column that leave every word whole; None where they do not fit."""
+    longest = [max(len(word) for cell in cells for word in cell.split(" ")) for cells in columns]
+    wanted = [max(map(len, cells)) for cells in columns]
+    room -= sum(longest)
+    if room < 0:
+        return [None] * len(columns)
+    widths: list[int | None] = [None] * len(columns)
+    # Who needs little more gets it first; what is left goes to the long ones.
+    for index in sorted(range(len(columns)), key=lambda i: wanted[i] - longest[i]):
+        more = min(wanted[index] - longest[index], room)
+        widths[index] = longest[index] + more
+        room -= more
+    return widths
 
 
 def say(message: str) -> None:

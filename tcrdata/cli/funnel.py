@@ -52,7 +52,7 @@ def _advice(found: Funnel) -> str:
         return f"next: tcrdata rules --preset {preset}"
     return (
         f"rule {most['rule']} alone keeps out {most['alone']:,}, {most['near']:,} of them near its "
-        f"bound; next: tcrdata rules --preset {preset} names its parameters"
+        f"bound; its parameters:\nnext: tcrdata rules --preset {preset}"
     )
 
 

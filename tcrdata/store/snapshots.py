@@ -82,8 +82,8 @@ def read_snapshot(files: Filesystem, name: str, drive: tuple[str, str] | None = 
     """
     path = f"{SNAPSHOTS}/{check_name('the snapshot', name)}.json"
     if files.size(path) is None:
-        known = ", ".join(snapshot_names(files)) or "there are none"
-        raise StoreError(f"{files.url} has no snapshot '{name}': {known}")
+        known = ", ".join(snapshot_names(files)) or "none"
+        raise StoreError(f"{files.url} has no snapshot '{name}'; there are: {known}")
     return parse_json(
         path, files.read(path), "snapshot", lambda content: Snapshot.from_json(name, content, drive)
     )
