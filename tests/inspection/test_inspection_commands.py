@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from cli_runs import done, refused, run
 from rule_worlds import GOOD_TRACK, put_tracks
@@ -45,6 +47,41 @@ def test_why_json_names_the_place_taken(store: str) -> None:
 )
 def test_why_refuses_what_names_no_proposal(store: str, arguments: tuple[object, ...]) -> None:
     refused("why", *arguments, "--store", store)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """A generated drive with pictures, and a selection of a few labels."""
+    store = str(tmp_path_factory.mktemp("demo") / "store")
+    done("build", "--dataset", "demo", "--store", store, "--root", "seed=1,frames=6")
+    loose = ("min_core_share=0", "min_box_core_share=0", "min_travel_m=0.01", "min_age_frames=2")
+    done("check", "--store", store, "--name", "loose", *(f"--set={value}" for value in loose))
+    return store
+
+
+def test_why_draws_the_proposal_its_place_and_its_margins(demo: str, tmp_path: Path) -> None:
+    labels = done("sql", "select proposal_id from labels order by 1", "--store", demo, "--json")
+    asked = labels.json[0]["proposal_id"]
+    told = done("why", asked, "--store", demo, "--png", tmp_path / "label.png")
+    assert f"drawn: {tmp_path / 'label.png'}" in told.err
+    image = cv2.imread(str(tmp_path / "label.png"))
+    assert image is not None
+    assert image.shape[0] > 800
+    assert image.shape[1] > 1200
+    colours = np.unique(image.reshape(-1, 3), axis=0)
+    assert len(colours) > 1000, "a camera image is in it"
+    message = refused("why", asked, "--store", demo, "--png", tmp_path / "no" / "folder.png")
+    assert "--png" in message
+
+
+def test_a_frozen_store_is_built_on_and_exported(demo: str, tmp_path: Path) -> None:
+    done("snapshot", "frozen", "--store", demo)
+    out = tmp_path / "out"
+    done("export", "kitti-tracking", "--store", demo, "--snapshot", "frozen", "--out", out)
+    assert any(path.read_text() for path in out.rglob("*.txt"))
+    root = ("--root", "seed=1,frames=6")
+    again = done("build", "--dataset", "demo", "--store", demo, *root, "--snapshot", "frozen")
+    assert "all 7 units were done already" in again.err
 
 
 def test_rules_tells_the_presets_values() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 import uuid
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +14,7 @@ from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.inspection.drives import Drives
 from tcrdata.inspection.finding import find_by_id, find_by_place, parse_place
 from tcrdata.inspection.why import Explanation, explain
+from tcrdata.resources import resource_folder
 from tcrdata.rules import select
 from tcrdata.store import Store, open_store
 
@@ -198,6 +201,20 @@ def test_a_place_needs_a_drive_and_a_frame(store: Store) -> None:
 def test_what_is_no_place_is_refused(at: str) -> None:
     with pytest.raises(SettingsError, match="is no place: write X,Z in metres"):
         parse_place(at)
+
+
+def test_what_the_presets_own_select_drops_is_left_out(store: Store, tmp_path: Path) -> None:
+    """Every rule lets it pass, no label is made of it, and no change is named."""
+    shipped = (resource_folder("queries") / "presets" / "tcrdata.sql").read_text()
+    picky = re.sub(r"^-- (ignore|next|loosened):.*\n(--   .*\n)*", "", shipped, flags=re.MULTILINE)
+    preset = tmp_path / "picky.sql"
+    preset.write_text(picky.rstrip().rstrip(";") + "\nwhere p.frame > 0;\n")
+    chosen = row_of(store, select(store, str(preset)).selection_id)
+    found = explain(chosen, find_by_id(Drives(store), chosen, "d/s1/000000"), str(preset))
+    assert found.outcome == "left out"
+    assert stopping(found) == []
+    assert found.changes == ()
+    assert all(rule.source for rule in found.rules)
 
 
 def test_a_place_is_two_numbers() -> None:
