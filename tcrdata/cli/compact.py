@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shlex
+
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
 
@@ -28,5 +30,5 @@ def compact(*, store: StoreUrl, json: Flag = False) -> int:
         held, size = sum(len(b.holds) for b in own), sum(b.bytes for b in own)
         rows.append((table, held, len(own), size))
     console.print_table("compacted", ("table", "files held", "bundles", "bytes"), rows)
-    console.say(f"next: tcrdata funnel --store {store}")
+    console.say(f"next: tcrdata funnel --store {shlex.quote(store)}")
     return 0

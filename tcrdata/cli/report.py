@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 import sys
 
 from tcrdata import console
@@ -33,13 +34,15 @@ def report(
     from tcrdata.store import open_store
 
     opened = open_store(store)
-    written = write_report(opened, selected(opened, selection), out, listed(sequence))
+    chosen = selected(opened, selection)
+    written = write_report(opened, chosen, out, listed(sequence))
     if json:
         console.print_json(dataclasses.asdict(written))
         return 0
     sys.stdout.write(f"{written.path}\n")
     console.say(
         f"{written.bytes / 1e6:.1f} MB, {written.examples} examples, {written.pictures} with a "
-        f"camera image; next: open {written.path}, then tcrdata why ID --store {store}"
+        "camera image; open the page in a browser: each picture's id is one for `tcrdata why`"
     )
+    console.say(f"next: tcrdata funnel --store {shlex.quote(store)} --selection {chosen}")
     return 0
