@@ -109,6 +109,12 @@ def test_a_second_build_does_nothing(reference: Path) -> None:
     assert digests(reference) == before
 
 
+def test_a_dry_run_needs_no_store(tmp_path: Path) -> None:
+    where = ("--root", ROOT, "--store", tmp_path / "none", "--rounds", 2)
+    assert "objectness3d" in done("build", "--dataset", "street", *where, "--dry-run").out
+    assert not (tmp_path / "none").exists()
+
+
 def test_more_rounds_go_on_from_those_there_are(measured: Path) -> None:
     foreseen = dry_rounds(loop(2), str(measured))
     todo = [outcome.unit.stage for outcome in foreseen.outcomes if outcome.state == "todo"]

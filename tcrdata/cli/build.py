@@ -91,9 +91,8 @@ def build(
                 snapshot=snapshot,
             )
     seconds = time.perf_counter() - started
-    found = (
-        drifts(open_store(store), [s.selection_id for s in report.leading]) if rounds > 1 else []
-    )
+    leading = [selection.selection_id for selection in report.leading]
+    found = drifts(open_store(store), leading) if len(leading) > 1 else []
     if json:
         console.print_json(printing.build_json(report, seconds, found))
     else:
