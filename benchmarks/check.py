@@ -55,7 +55,8 @@ from (
 )
 """
 _CONFIDENCES = """
-select proposal_id, frame, source, module, random() as confidence, random() as raw_value, 'share' as unit
+select proposal_id, frame, source, module, random() as confidence, random() as raw_value,
+       'share' as unit
 from proposals, (select unnest(['motion_3d', 'motion_2d', 'track', 'shape']) as module)
 where source = $source
 """

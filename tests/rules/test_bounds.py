@@ -34,6 +34,11 @@ COUNTERPARTS = {
     "max_static_length_m": [("static_clusters", "map.longest_m", ABOVE)],
     "min_static_height_m": [("static_clusters", "map.lowest_m", BELOW)],
     "max_static_height_m": [("static_clusters", "map.highest_m", ABOVE)],
+    "min_detected_age_frames": [("detected_objects", "fewest", BELOW)],
+    "min_steady_age_frames": [("detected_objects", "fewest", BELOW)],
+    "min_best_half_score": [("detected_objects", "least_score", BELOW)],
+    "min_steady_score": [("detected_objects", "least_score", BELOW)],
+    "min_objectness_3d": [("objectness3d", "least_score", BELOW)],
 }
 """Rule parameter -> the settings that keep candidates from becoming rows by the same number."""
 
@@ -42,8 +47,9 @@ UNGATED = {
     "max_cycle_error_m", "max_flat_voxels", "max_height_m", "max_overlapped_share",
     "max_regions", "max_speck_px", "max_static_core_share", "max_static_width_m",
     "min_alignment_share", "min_box_core_share", "min_center_surround_chi2", "min_core_share",
-    "min_edge_share", "min_objectness_3d",
-    "min_height_m", "min_range_m", "min_static_age_frames", "min_static_width_m",
+    "min_edge_share", "max_detected_core_share", "min_detected_points", "min_steady_share",
+    "min_steady_length_m", "min_visible_share", "min_product", "exceedingly_sure",
+    "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m", "min_static_age_frames", "min_static_width_m",
     "min_straightness", "min_straightness_long", "taken_fit", "taken_source",
 }  # fmt: skip
 """Rule parameters whose column is measured on every candidate, whatever its value."""
