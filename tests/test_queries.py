@@ -55,7 +55,9 @@ def test_no_file_of_sql_lies_elsewhere(repository: Path) -> None:
     assert found == known
 
 
-@pytest.mark.parametrize("path", [*SCHEMAS, *RULES, *PRESETS, *REPORTS, *TRAINING, *STATES], ids=named)
+@pytest.mark.parametrize(
+    "path", [*SCHEMAS, *RULES, *PRESETS, *REPORTS, *TRAINING, *STATES], ids=named
+)
 def test_a_file_opens_with_what_it_decides_or_holds(path: Path) -> None:
     first = path.read_text().splitlines()[0]
     assert first.startswith("-- ")

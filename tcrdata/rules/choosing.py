@@ -85,28 +85,36 @@ def labels_of(
             f" union all select proposal_id, 'ignore', score, carried, place from ({undecided})"
         )
     return connection.sql(
-        f"select {_label_columns(presets, panel)} from {relations['proposals']} p "
-        f"join ({decided}) d using (proposal_id) "
+        f"with decided as materialized ({decided}), "
+        f"carriers as (select carried, place, {_carried_by(presets, panel)} as carried_by "
+        "from (select distinct carried, place from decided)) "
+        f"select {_label_columns(presets)} from {relations['proposals']} p "
+        "join decided d using (proposal_id) join carriers c using (carried, place) "
         "order by p.dataset, p.sequence, p.frame, p.proposal_id"
     ).to_arrow_table()
 
 
-def _label_columns(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:
-    """SQL of a label's columns from proposals p and what was decided d."""
+def _carried_by(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:
+    """SQL of the names of the rules that passed a proposal for the preset of its `place`."""
     numbers = {seat.rule.select: seat.number for seat in panel}
-    carried, because = "case d.place", "case d.place"
+    lists = ""
     for place, preset in enumerate(presets):
         names = ", ".join(
-            f"case when d.carried & {1 << numbers[rule.select]} <> 0 then '{rule.name}' end"
+            f"case when carried & {1 << numbers[rule.select]} <> 0 then '{rule.name}' end"
             for rule in preset.rules
         )
-        carried += f" when {place} then [{names}]"
-        because += f" when {place} then '{preset.name}'" if place else " when 0 then null"
+        lists += f" when {place} then [{names}]"
+    return f"list_filter(case place{lists} end, lambda name: name is not null)"
+
+
+def _label_columns(presets: Sequence[FilledPreset]) -> str:
+    """SQL of a label's columns from proposals p, what was decided d, and carriers c."""
+    others = "".join(f" when {place} then '{p.name}'" for place, p in enumerate(presets) if place)
     made = {
         "state": "d.state",
         "score": "d.score",
-        "ignored_because": f"{because} end",
-        "carried_by": f"list_filter({carried} end, lambda name: name is not null)",
+        "ignored_because": f"case d.place when 0 then null{others} end",
+        "carried_by": "c.carried_by",
     }
     return ", ".join(
         f"{made.get(name, f'p.{name}')} as {name}" for name in no_labels().column_names

@@ -49,7 +49,8 @@ UNGATED = {
     "min_alignment_share", "min_box_core_share", "min_center_surround_chi2", "min_core_share",
     "min_edge_share", "max_detected_core_share", "min_detected_points", "min_steady_share",
     "min_steady_length_m", "min_visible_share", "min_product", "exceedingly_sure",
-    "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m", "min_static_age_frames", "min_static_width_m",
+    "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m",
+    "min_static_age_frames", "min_static_width_m",
     "min_straightness", "min_straightness_long", "taken_fit", "taken_source",
 }  # fmt: skip
 """Rule parameters whose column is measured on every candidate, whatever its value."""

@@ -91,7 +91,7 @@ def test_wrong_overrides_are_refused(overrides: dict[str, object], message: str)
 
 
 def test_unknown_preset_lists_those_there_are() -> None:
-    with pytest.raises(SettingsError, match="no preset 'papr'; there are detector, .*, tcrdata"):
+    with pytest.raises(SettingsError, match=r"no preset 'papr'; there are detector, .*, tcrdata"):
         load_preset("papr")
     with pytest.raises(SettingsError, match=r"no preset '/nowhere/my\.sql'"):
         load_preset("/nowhere/my.sql")
