@@ -15,7 +15,10 @@ from tcrdata.rules.scopes import Relations, count, run_sql, scoped
 from tcrdata.store import schemas
 
 _BITS = 62  # verdicts that fit into a bigint
-_IN_HAND = ("survivors", "remaining", "verdicts", "chosen", "candidates")
+ALIVE = "(from survivors where alive <> 0)"
+"""The proposals that some preset still takes."""
+
+_IN_HAND = ("survivors", "remaining", "chosen", "candidates")
 _BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")  # what tells whether boxes share a place
 
 
@@ -47,9 +50,9 @@ def judge(
     for run in runs(panel):
         if left:
             left = _keep_survivors(connection, run, before, left, relations)
-            if alone and before != "survivors":
-                relations = _of_sources(connection, "survivors", relations)
-            before = "survivors"
+            if alone and before != ALIVE:
+                relations = _of_sources(connection, ALIVE, relations)
+            before = ALIVE
     if left:
         choose(connection, presets, relations)
     labels = labels_of(connection, presets, panel, relations) if left else no_labels()
@@ -117,20 +120,26 @@ def _keep_survivors(
     rows_before: int,
     relations: Relations,
 ) -> int:
-    """Replace the survivors by those that these rules let pass; return how many."""
+    """Replace the survivors by what these rules leave alive; return how many that are.
+
+    A rule that joins gives a row each: its rows are counted before the dead are passed over.
+    """
     what = "rule " + " or ".join(seat.rule.name for seat in run)
     after = before
     for seat in run:
-        if seat.streams:
-            after = _after(seat, f"({_with_rows(seat, after, relations)})")
-        else:
-            _judge_once(connection, seat, before, rows_before, relations)
-            after = _after(seat, "verdicts")
-    sql = f"create or replace temp table remaining as from {after} where alive <> 0"
-    run_sql(connection, sql, what)
+        judged = _with_rows if seat.rule.reads.passes_id else _joined
+        after = _after(seat, f"({judged(seat, after, relations)})")
+    streams = all(seat.streams for seat in run)
+    alive = " where alive <> 0" if streams else ""
+    run_sql(connection, f"create or replace temp table remaining as from {after}{alive}", what)
+    if not streams and (rows := count(connection, "remaining")) != rows_before:
+        raise RuleError(
+            f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
+            "use a left join on keys that match one row"
+        )
     connection.execute("drop table if exists survivors")
     connection.execute("alter table remaining rename to survivors")
-    return count(connection, "survivors")
+    return count(connection, ALIVE)
 
 
 def _after(seat: Seat, verdicts: str) -> str:
@@ -140,25 +149,6 @@ def _after(seat: Seat, verdicts: str) -> str:
         f"kept.carried | case when passed then {1 << seat.number} else 0 end as carried, "
         f"{seat.alive_after('kept.alive')} as alive) from {verdicts})"
     )
-
-
-def _judge_once(
-    connection: duckdb.DuckDBPyConnection,
-    seat: Seat,
-    before: str,
-    rows_before: int,
-    relations: Relations,
-) -> None:
-    """Make the table `verdicts` (kept, passed) of a rule that joins; it gives a row each."""
-    what = f"rule {seat.rule.name}"
-    verdicts = (_with_rows if seat.rule.reads.passes_id else _joined)(seat, before, relations)
-    run_sql(connection, f"create or replace temp table verdicts as from ({verdicts})", what)
-    rows = count(connection, "verdicts")
-    if rows != rows_before:
-        raise RuleError(
-            f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
-            "use a left join on keys that match one row"
-        )
 
 
 def _with_rows(seat: Seat, before: str, relations: Relations) -> str:
