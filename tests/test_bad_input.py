@@ -65,8 +65,8 @@ def test_a_root_that_is_not_kitti(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--preset", "tcr"), "no preset 'tcr'; there are paper, release, tcrdata"),
-        (("--preset", ""), "no preset named: there are paper"),
+        (("--preset", "tcr"), "no preset 'tcr'; there are detector, "),
+        (("--preset", ""), "no preset named: there are detector"),
         (("--set", "max_cycle_eror_m=1"), "unknown parameter 'max_cycle_eror_m': did you mean"),
         (("--set", "max_cycle_error_m=far"), "max_cycle_error_m must be a number, not 'far'"),
         (("--set", "free_space.margn_m=1"), "unknown setting 'free_space.margn_m': did you mean"),
@@ -77,7 +77,7 @@ def test_a_root_that_is_not_kitti(
         (("--sequences", "nowhere"), f"no sequence nowhere; there are {DRIVE}"),
         (("--sequences", ""), f"no sequence named; there are {DRIVE}"),
         (("--frames", "9-3"), "--frames '9-3': '9-3' is no range; write such as 0-49"),
-        (("--rounds", 2), "--rounds 2: this version makes round 1"),
+        (("--rounds", 0), "--rounds 0"),
         (("--workers", 0), "--workers 0: at least one is needed"),
         (("--workers", "many"), 'Invalid value for --workers: unable to convert "many"'),
         (("--dataset", "kity"), "no datasets named 'kity': there are demo, kitti"),
@@ -98,7 +98,7 @@ def test_a_build_that_asks_for_what_there_is_not(
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (("check", "--preset", "papr"), "no preset 'papr'; there are paper"),
+        (("check", "--preset", "papr"), "no preset 'papr'; there are detector"),
         (("check", "--set", "min_travl_m=1"), "no parameter 'min_travl_m'; near: min_travel"),
         (("check", "--set", "min_travel_m=far"), "min_travel_m must be a number, not 'far'"),
         (("check", "--preset", "paper"), f"regions_paper, which kitti/{DRIVE} lacks; run `tcrdata"),
@@ -175,7 +175,7 @@ def test_no_store_or_one_of_another_version(tmp_path: Path, command: tuple[str, 
     where.mkdir()
     (where / "store.json").write_text('{"schema_version": 99}')
     line = refused(*command, "--store", where)
-    assert "has schema version 99, this tcrdata reads 1: build into a new store" in line
+    assert "has schema version 99, this tcrdata reads 2: build into a new store" in line
 
 
 def test_a_build_into_a_store_of_another_version_or_a_folder_in_use(

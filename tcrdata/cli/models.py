@@ -8,8 +8,8 @@ from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
 
 SHOWN = (
-    "model_id", "kind", "network", "labels_round", "labels", "snapshot", "seed", "samples",
-    "positives", "step", "steps", "first_loss", "last_loss",
+    "model_id", "kind", "network", "labels", "seed", "samples", "step", "steps", "first_loss",
+    "last_loss",
 )  # fmt: skip
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from street import SENSOR_HEIGHT_M, FakeTables, Street, measure, street_frames
 
+from tcrdata.errors import EvidenceError
 from tcrdata.evidence import free_space, ground, odometry, regions_free_space
 from tcrdata.evidence.occlusion import facing_outline
 from tcrdata.evidence.point_rows import read_encoded
@@ -100,7 +101,9 @@ def test_damaged_and_lonely_frames() -> None:
 
 def test_no_frames_no_rows() -> None:
     street, tables = Street(frames_count=0), FakeTables()
-    for module in (ground, odometry, free_space, regions_free_space):
+    with pytest.raises(EvidenceError, match="none of its frames can be used"):
+        measure(ground, street, tables, frames=())
+    for module in (odometry, free_space, regions_free_space):
         assert not tables.rows
         measure(module, street, tables, frames=())
 

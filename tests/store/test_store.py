@@ -189,7 +189,7 @@ def test_a_snapshot_stays_as_it_was(store):
     assert store.snapshot("first") == frozen
     with pytest.raises(ConflictError, match="a snapshot never changes"):
         store.freeze("first")
-    with pytest.raises(StoreError, match="no snapshot 'second': first"):
+    with pytest.raises(StoreError, match="no snapshot 'second'; there are: first"):
         store.read("confidences", snapshot="second")
 
 
