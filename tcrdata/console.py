@@ -103,8 +103,8 @@ class BuildBar:
 
 
 @contextmanager
-def build_progress(total: int) -> Iterator[BuildBar]:
-    """Show a bar of units on stderr while a build runs; only failures when not a terminal."""
+def progress_bars() -> Iterator[Progress]:
+    """Bars with counts, time gone and time left on stderr; silent when that is no terminal."""
     from rich.console import Console
     from rich.progress import (
         BarColumn,
@@ -115,7 +115,6 @@ def build_progress(total: int) -> Iterator[BuildBar]:
         TimeRemainingColumn,
     )
 
-    console = Console(stderr=True)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -124,8 +123,16 @@ def build_progress(total: int) -> Iterator[BuildBar]:
         TimeRemainingColumn(),
     )
     # A notebook asks rich for colours; what it shows is no terminal all the same.
-    with Progress(*columns, console=console, disable=not sys.stderr.isatty()) as bar:
-        yield BuildBar(bar, total)
+    quiet = not sys.stderr.isatty()
+    with Progress(*columns, console=Console(stderr=True), disable=quiet) as bars:
+        yield bars
+
+
+@contextmanager
+def build_progress(total: int) -> Iterator[BuildBar]:
+    """Show a bar of units on stderr while a build runs; only failures when not a terminal."""
+    with progress_bars() as bars:
+        yield BuildBar(bars, total)
 
 
 def _place(outcome: UnitOutcome) -> str:

@@ -83,25 +83,7 @@ def train(
 @contextmanager
 def training_progress(steps: int) -> Iterator[Callable[[Report], None]]:
     """Show steps, loss, throughput and time left on stderr; silent when not a terminal."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    terminal = Console(stderr=True)
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=terminal, disable=not terminal.is_terminal) as bar:
+    with console.progress_bars() as bar:
         task = bar.add_task("train", total=steps)
 
         def advance(report: Report) -> None:
