@@ -115,7 +115,7 @@ class Processes:
             start_server()
             context = multiprocessing.get_context("forkserver")
             self._pool = ProcessPoolExecutor(
-                self.workers, mp_context=context, initializer=_end_with_parent
+                self.workers, mp_context=context, initializer=_start_worker
             )
         return self._pool
 
@@ -150,8 +150,12 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _end_with_parent() -> None:
-    """End this worker when its parent is gone, so that a killed build leaves no orphans."""
+def _start_worker() -> None:
+    """Hold this worker to one thread, and end it when its parent is gone.
+
+    The server may have been started by another library, with an environment of its own.
+    """
+    os.environ.update(_ONE_THREAD)
     parent = multiprocessing.parent_process()
 
     def watch() -> None:

@@ -30,10 +30,6 @@ def die(value: int) -> int:
     return value
 
 
-def threads_allowed(_: int) -> str | None:
-    return os.environ.get("OMP_NUM_THREADS")
-
-
 def test_one_worker_is_inline() -> None:
     with executor(1) as parallel:
         assert isinstance(parallel, Serial)
@@ -53,7 +49,22 @@ def test_processes_keep_order_and_do_not_run_ahead() -> None:
         assert [next(results) for _ in range(3)] == [0, 1, 4]
         assert len(drawn) <= 3 + 2 * parallel.workers + 1
         assert list(results) == [value * value for value in range(3, 40)]
-        assert list(parallel(threads_allowed, [0])) == ["1"]
+
+
+def test_workers_have_one_thread_whoever_started_their_server() -> None:
+    code = (
+        "import multiprocessing, os\n"
+        "from tcrdata.executors import Processes\n"
+        "if __name__ == '__main__':\n"
+        "    multiprocessing.get_context('forkserver').Process(target=print).start()\n"
+        "    with Processes(1) as parallel:\n"
+        "        print(*parallel(os.getenv, ['OMP_NUM_THREADS', 'NUMBA_NUM_THREADS']))\n"
+    )
+    environment = {name: text for name, text in os.environ.items() if "THREADS" not in name}
+    out = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    ).stdout
+    assert out.split() == ["1", "1"]
 
 
 def test_an_error_in_a_worker_arrives_as_it_is() -> None:
