@@ -53,7 +53,7 @@ def build(
     """
     from tcrdata import executors
 
-    count = workers if workers is not None else _default_workers()
+    count = workers if workers is not None else default_workers()
     if count < 1:
         raise SettingsError(f"--workers {count}: at least one is needed")
     if count > 1 and not dry_run:
@@ -101,5 +101,5 @@ def build(
     return 1 if report.count("failed") else 0
 
 
-def _default_workers() -> int:
+def default_workers() -> int:
     return min(len(os.sched_getaffinity(0)), MOST_WORKERS_BY_DEFAULT)
