@@ -14,7 +14,7 @@ from tcrdata.resources import resource_files
 if TYPE_CHECKING:
     import duckdb
 
-SCHEMA_VERSION = 2
+SCHEMA_VERSION = 3
 """Version of all tables together; a store made with another one is refused."""
 
 _WEIGHT = "-- weight:"
