@@ -21,7 +21,7 @@ Write = Callable[[str, str], Path]
 def test_shipped_presets_load_together() -> None:
     assert preset_names() == [
         "detector", "detector_faint", "paper", "paper_ensemble", "release", "release_ensemble",
-        "tcrdata", "tcrdata_learned", "tcrdata_static",
+        "tcrdata", "tcrdata_learned", "tcrdata_static", "tcrdata_tracked",
     ]  # fmt: skip
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
