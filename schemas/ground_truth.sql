@@ -15,14 +15,15 @@ create table ground_truth (
     height_m double,                 -- along y
     yaw_rad double,                  -- about y; heading = (cos yaw, 0, -sin yaw)
     level_R_object double[],         -- 9 numbers, row-major: full rotation; columns are the axes length, height (down), width
-    object_size_m double[],          -- 3 numbers: the object's own extents along the columns of level_R_object; other than length, height, width where it is tilted (demo)
+    object_size_m double[],          -- 3 numbers: the object's own extents along the columns of level_R_object; other than length, height, width where it is tilted (demo, cater)
     left_px double,                  -- 2D box
     top_px double,                   -- 2D box
     right_px double,                 -- 2D box
     bottom_px double,                -- 2D box
     truncated double,                -- as the dataset gives it
-    occluded double,                 -- KITTI: 0 to 3; demo: share of hidden pixels
-    visible_px integer,              -- demo: visible pixels
+    occluded double,                 -- KITTI: 0 to 3; generated: share of hidden pixels
+    visible_px integer,              -- generated: visible pixels
     speed_mps double,                -- over the ground, from label positions and the dataset's own poses; NULL without poses
-    yaw_observable boolean not null  -- false for round shapes: their yaw is not scored
+    yaw_observable boolean not null, -- false for what is round from above: its yaw is not scored
+    contained_in varchar             -- object_id of what covers it and carries it along; NULL when nothing does
 );

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -126,6 +126,14 @@ def progress_bars() -> Iterator[Progress]:
     quiet = not sys.stderr.isatty()
     with Progress(*columns, console=Console(stderr=True), disable=quiet) as bars:
         yield bars
+
+
+def follow(what: str, steps: int, work: Iterable[None]) -> None:
+    """Do work step by step under a bar on stderr."""
+    with progress_bars() as bars:
+        task = bars.add_task(what, total=steps)
+        for _ in work:
+            bars.advance(task)
 
 
 @contextmanager

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, Protocol, TypeVar
+from typing import Any, Literal, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -176,6 +176,30 @@ class Dataset(Protocol):
     def ground_truth(self, sequence: str) -> list[dict[str, Any]]:
         """Rows of `ground_truth`; empty when there are no labels. Raises DatasetError."""
         ...
+
+
+@runtime_checkable
+class SeveralCameras(Protocol):
+    """What a dataset offers besides when several of its sequences show one scene at once."""
+
+    def simultaneous(self, frame: Frame) -> list[tuple[Frame, FloatArray]]:
+        """The other cameras' frames of that moment, each with `level_T_other_level` (4, 4)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Generation:
+    """A dataset that is generated.
+
+    Attributes:
+        root: what to open it with.
+        steps: number of steps of the work.
+        work: what has to be done before it can be opened, a step an item.
+    """
+
+    root: str
+    steps: int
+    work: Iterator[None]
 
 
 class Tables(Protocol):

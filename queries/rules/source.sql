@@ -4,12 +4,12 @@
 -- cues:
 set variable taken_source = 'track';  -- source: paper, release, free_space, track or static
 set variable taken_fit = 'track';  -- fit: min_area, l_shape or track
-set variable also_taken_source = '';  -- source: a second one; empty for none
-set variable also_taken_fit = '';  -- fit: of the second one
+set variable also_taken_source = '';  -- source: others, with commas between; empty for none
+set variable also_taken_fit = '';  -- fit: of each of the others, in their order
 
 select p.proposal_id, null::double as value, null::double as bound,
-       p.source in (getvariable('taken_source'), getvariable('also_taken_source'))
-       and p.fit = case when p.source = getvariable('taken_source')
-                        then getvariable('taken_fit') else getvariable('also_taken_fit') end
-           as passed
+       list_contains(
+           list_zip([getvariable('taken_source')] || string_split(getvariable('also_taken_source'), ','),
+                    [getvariable('taken_fit')] || string_split(getvariable('also_taken_fit'), ',')),
+           row(p.source, p.fit)) as passed
 from proposals p

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from typing import TYPE_CHECKING
 
 from tcrdata import console
 from tcrdata.cli import printing
@@ -11,6 +12,9 @@ from tcrdata.cli.app import Assignments, Flag, StoreUrl, listed
 from tcrdata.errors import SettingsError
 from tcrdata.frame_ranges import parse_frame_ranges
 from tcrdata.settings import parse_assignments, read_toml
+
+if TYPE_CHECKING:
+    from tcrdata.types import Generation
 
 MOST_WORKERS_BY_DEFAULT = 8
 
@@ -20,6 +24,7 @@ def build(
     dataset: str,
     store: StoreUrl,
     root: str = "",
+    generate: str = "",
     sequences: str | None = None,
     frames: str | None = None,
     rounds: int = 1,
@@ -36,9 +41,11 @@ def build(
     What is done already is left as it is; a build that was stopped goes on where it was.
 
     Args:
-        dataset: kitti, demo, street, or the dotted path of an adapter.
+        dataset: kitti, cater, demo, street, or the dotted path of an adapter.
         store: folder or URL of the store; created when absent.
         root: where the dataset lies; generated datasets take a spec such as `seed=1,frames=50`.
+        generate: so many clips of a dataset that can generate them, or a spec such as
+            `clips=10,seed=3,hard=true`; with --root they are written there.
         sequences: only these, with commas between.
         frames: only these of each sequence: `0-49`, `0-9,20,30-`.
         rounds: rounds of the EM loop; those after the first train on the labels of the one before.
@@ -67,6 +74,8 @@ def build(
         raise SettingsError(f"--rounds {rounds}: at least one is needed")
     if rounds > 1 and snapshot is not None:
         raise SettingsError("--snapshot fixes the evidence: later rounds would measure anew")
+    if generate:
+        root = _generated(dataset, generate, root, work=not dry_run)
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
     loop = plan_rounds(
         dataset,
@@ -99,6 +108,19 @@ def build(
         printing.print_drifts(found)
         printing.print_build(report, loop.first.sequences, store, seconds, only_plan=dry_run)
     return 1 if report.count("failed") else 0
+
+
+def _generated(dataset: str, text: str, root: str, *, work: bool) -> str:
+    """Return the root of generated clips, which are written first where a folder is named."""
+    from tcrdata import registry
+
+    module = registry.find("datasets", dataset)
+    if not hasattr(module, "generate"):
+        raise SettingsError(f"--generate: the dataset {dataset} generates no clips; leave it out")
+    generation: Generation = module.generate(text, root)
+    if work:
+        console.follow("generate", generation.steps, generation.work)
+    return generation.root
 
 
 def _default_workers() -> int:

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import FrameError
-from tcrdata.types import ImageArray
+from tcrdata.types import FloatArray, ImageArray
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _HEADER_BYTES = 24
@@ -83,3 +83,20 @@ def damaged_chunk(data: bytes) -> str | None:
             return None
         place = end
     return f"it is cut short ({len(data)} bytes)"
+
+
+def read_grey16(path: Path) -> FloatArray:
+    """Return the (H, W) steps, 0 to 65,535, of a grey image of 16 bits.
+
+    Raises:
+        FrameError: the file cannot be decoded, or has colours or 8 bits.
+    """
+    from PIL import Image
+
+    try:
+        with Image.open(path) as image:
+            if not image.mode.startswith("I"):
+                raise FrameError(f"image {path.name} is no grey image of 16 bits")
+            return np.asarray(image, dtype=np.float64)
+    except (OSError, SyntaxError, ValueError) as error:
+        raise FrameError(f"image {path.name} cannot be decoded: {error}") from error

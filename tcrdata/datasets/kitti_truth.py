@@ -73,6 +73,7 @@ def truth_row(label: LabelledObject, speed_mps: float | None) -> dict[str, Any]:
         "visible_px": None,
         "speed_mps": speed_mps,
         "yaw_observable": True,
+        "contained_in": None,
     }
 
 

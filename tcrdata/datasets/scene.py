@@ -115,6 +115,23 @@ class SceneObject:
 
 
 @dataclass(frozen=True)
+class Containment:
+    """An object that is under another for a while and moves with it.
+
+    Attributes:
+        inner: number of the object that is covered.
+        outer: number of the object that covers it.
+        start_s: from when on.
+        end_s: until when; infinite when it stays.
+    """
+
+    inner: int
+    outer: int
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
 class Scene:
     """Objects before a background that does not move.
 
@@ -122,11 +139,20 @@ class Scene:
         objects: the labelled things.
         background: parts whose `object_T_part` is `world_T_part`.
         seed: of the materials' noise.
+        containments: which objects are under which, and when.
     """
 
     objects: tuple[SceneObject, ...]
     background: tuple[Part, ...]
     seed: int = 0
+    containments: tuple[Containment, ...] = ()
+
+    def container(self, number: int, time_s: float) -> SceneObject | None:
+        """Return the object that an object is under at a time; None when under none."""
+        for entry in self.containments:
+            if entry.inner == number and entry.start_s <= time_s <= entry.end_s:
+                return self.objects[entry.outer]
+        return None
 
     def parts(self) -> list[Part]:
         """Return every part in the order of the primitives: objects first."""

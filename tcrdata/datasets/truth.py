@@ -39,13 +39,15 @@ def truth_rows(scene: Scene, view: View, time_s: float, frame: int) -> list[dict
     windows = np.array([_window(box, view) for box in boxes]).reshape(-1, 4)
     visible, whole = count_pixels(scene.primitives(time_s), view.origin, view.pixel_rays, windows)
     rows = []
-    for thing, box, seen, all_of_it in zip(scene.objects, boxes, visible, whole, strict=True):
+    for number, (box, seen, all_of_it) in enumerate(zip(boxes, visible, whole, strict=True)):
+        thing, container = scene.objects[number], scene.container(number, time_s)
         row = _box_row(thing, view, time_s)
         row.update(_image_row(box, view))
         row["frame"] = frame
         row["visible_px"] = int(seen)
         row["occluded"] = 1.0 - float(seen) / float(all_of_it) if all_of_it else 1.0
         row["speed_mps"] = thing.speed(time_s)
+        row["contained_in"] = container.object_id if container else None
         rows.append(row)
     return rows
 
@@ -79,7 +81,8 @@ def _box_row(thing: SceneObject, view: View, time_s: float) -> dict[str, Any]:
     rotation = level_T_object[:3, :3]
     centre, size = level_T_object[:3, 3], np.asarray(thing.size_m)
     yaw = math.atan2(-rotation[2, 0], rotation[0, 0])
-    if -rotation[1, 2] < UPRIGHT_COSINE:
+    tilted = bool(-rotation[1, 2] < UPRIGHT_COSINE)
+    if tilted:
         outline = transform_points(level_T_object, thing.outline())
         box = min_area_box(outline[:, [0, 2]])
         low, high = outline[:, 1].max(), outline[:, 1].min()
@@ -93,7 +96,8 @@ def _box_row(thing: SceneObject, view: View, time_s: float) -> dict[str, Any]:
         "yaw_rad": math.remainder(yaw, 2 * math.pi),
         "level_R_object": [float(v) for v in (rotation @ OBJECT_R_TRUTH).ravel()],
         "object_size_m": [thing.size_m[0], thing.size_m[2], thing.size_m[1]],
-        "yaw_observable": thing.yaw_observable,
+        # What is round seen from above is not when it lies on its side; a ball always is.
+        "yaw_observable": thing.yaw_observable or (tilted and thing.category != "sphere"),
     }
 
 

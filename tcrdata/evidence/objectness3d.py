@@ -52,6 +52,7 @@ class Settings:
         most: at most so many boxes a frame.
         least_score: what is fainter is noise, not a candidate.
         same_iou: of boxes that overlap more, from above, the surer one stays.
+        mirrored: whether to look at the mirror image of each frame, too, and take the mean.
         front_m: a return this much nearer hides a box's outline; times the metric scale.
         chunk_frames: frames an item of work.
         threads: torch's, in each worker.
@@ -63,6 +64,7 @@ class Settings:
     most: int = 64
     least_score: float = 0.05
     same_iou: float = 0.2
+    mirrored: bool = True
     front_m: float = 0.5
     chunk_frames: int = 8
     threads: int = 1
@@ -185,6 +187,7 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
 
     from tcrdata.networks.decoding import DecodeSettings, decode
     from tcrdata.networks.grids import Sweep
+    from tcrdata.networks.mirrored import mirrored_mean
 
     torch.set_num_threads(chunk.settings.threads)
     trained = _network(chunk.model)
@@ -195,10 +198,10 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     colours = _colours(chunk, item, trained.module, cloud.xyz)
     sweep = Sweep(xyz, height, evidence["ground"], colours)
     image = torch.from_numpy(trained.module.image_of(sweep, trained.settings))[None]
-    with torch.inference_mode():
-        outputs = trained.network(image)
-    region = trained.settings.region.coarser(trained.settings.stride)
     own = chunk.settings
+    with torch.inference_mode():
+        outputs = mirrored_mean(trained.network, image) if own.mirrored else trained.network(image)
+    region = trained.settings.region.coarser(trained.settings.stride)
     peaks = DecodeSettings(own.window, own.most, own.least_score, own.same_iou)
     (found,) = decode(outputs, region, peaks, trained.settings.volume_top_m)
     boxes = on_the_ground(found.boxes, xyz, height)

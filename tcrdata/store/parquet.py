@@ -17,7 +17,7 @@ import pyarrow.parquet as pq
 
 from tcrdata.errors import SchemaError, StoreError
 from tcrdata.store.filesystem import Filesystem
-from tcrdata.store.schemas import arrow_schema, is_heavy
+from tcrdata.store.schemas import arrow_schema, is_heavy, other_columns
 
 ROWS_A_HEAVY_FILE = 512
 ROWS_A_LIGHT_GROUP = 131072
@@ -98,6 +98,9 @@ class ParquetHandle:
 
     def read(self, columns: Sequence[str], equals: Mapping[str, Any]) -> pa.Table:
         """Rows with `column == value`, in file order, as the table's schema has them."""
+        there = self._file.schema_arrow.names
+        if absent := [name for name in columns if name not in there]:
+            raise other_columns(self._table, self.path, f"no {absent[0]}")
         with self._lock, damage_errors(self.path):
             if is_heavy(self._table) and equals:
                 rows = self._file.read_row_groups(self._matching_groups(equals), list(columns))

@@ -34,10 +34,18 @@ def kitti_tracking(folder: Path) -> str:
     return str(folder)
 
 
+def cater_clips(folder: Path) -> str:
+    generation = registry.find("datasets", "cater").generate("frames=2,cameras=2", str(folder))
+    assert sum(1 for _ in generation.work) == 4
+    return str(generation.root)
+
+
 # One entry an adapter and layout; a new adapter adds its own.
 SAMPLES: dict[str, tuple[str, Callable[[Path], str]]] = {
     "kitti raw": ("kitti", kitti_raw),
     "kitti tracking": ("kitti", kitti_tracking),
+    "cater": ("cater", lambda _: "frames=4,cameras=2"),
+    "cater clips": ("cater", cater_clips),
     "demo": ("demo", lambda _: "frames=4,sequences=2"),
     "street": ("street", lambda _: "frames=3,parked=2,moving=2"),
 }

@@ -39,6 +39,7 @@ COUNTERPARTS = {
     "min_best_half_score": [("detected_objects", "least_score", BELOW)],
     "min_steady_score": [("detected_objects", "least_score", BELOW)],
     "min_objectness_3d": [("objectness3d", "least_score", BELOW)],
+    "min_static_objectness": [("objectness3d", "least_score", BELOW)],
 }
 """Rule parameter -> the settings that keep candidates from becoming rows by the same number."""
 

@@ -1,0 +1,211 @@
+"""Generated clips: what moves, what is covered, from six sides; and the same clips as files."""
+
+from __future__ import annotations
+
+import json
+import pickle
+import shutil
+from collections import defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tcrdata.datasets.cater import Cater, generate, open_dataset
+from tcrdata.datasets.cater_scenes import build_clip
+from tcrdata.datasets.footprints import footprints, gap_m
+from tcrdata.errors import DatasetError, FrameError
+from tcrdata.types import SeveralCameras
+
+CLIP = "clip_0000_camera_0"
+SMALL = "clips=1,seed=3,frames=3,cameras=2"
+
+
+@pytest.fixture(scope="module")
+def truth() -> dict[str, list[dict[str, Any]]]:
+    rows = defaultdict(list)
+    for row in open_dataset("seed=3,cameras=1").ground_truth(CLIP):
+        rows[row["object_id"]].append(row)
+    return rows
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("clips")
+    generation = generate(SMALL, str(root))
+    assert sum(1 for _ in generation.work) == generation.steps == 2 * 3
+    return root
+
+
+@pytest.fixture
+def copied(folder: Path, tmp_path: Path) -> Path:
+    shutil.copytree(folder, tmp_path / "clips")
+    return tmp_path / "clips"
+
+
+def test_the_root_is_the_spec_written_out() -> None:
+    expected = "clips=2,seed=3,frames=50,cameras=6,hard=false,noise_m=0.05,missing=-1.0"
+    cater = open_dataset("clips=2,seed=3")
+    assert cater.root == generate("clips=2,seed=3", "").root == expected
+    assert generate("2", "").root == open_dataset("clips=2").root
+    assert len(cater.sequences()) == 12
+    assert cater.sequences()[7] == "clip_0001_camera_1"
+    assert pickle.loads(pickle.dumps(cater)) == cater
+
+
+@pytest.mark.parametrize("root", ["nowhere", "clips=x", "cameras=7", "colour=3"])
+def test_a_wrong_root_is_named(root: str) -> None:
+    with pytest.raises(DatasetError, match=root.partition("=")[0]):
+        open_dataset(root)
+
+
+@pytest.mark.parametrize(("hard", "fewest", "most"), [(False, 5, 10), (True, 16, 22)])
+def test_objects_keep_apart_all_the_time(hard: bool, fewest: int, most: int) -> None:
+    scene = build_clip(2, 0, 50, hard)
+    assert fewest <= len(scene.objects) <= most
+    assert scene.objects[0].object_id == "00_gold_sphere"
+    times = [frame / 24 for frame in range(50)]
+    prints = [footprints(thing.motion, times) for thing in scene.objects]  # type: ignore[arg-type]
+    held = {frozenset((entry.inner, entry.outer)) for entry in scene.containments}
+    nearest = [
+        gap_m(prints[a], prints[b])
+        for a in range(len(prints))
+        for b in range(a)
+        if frozenset((a, b)) not in held
+    ]
+    # Between the frames that were looked at, two things may come a little nearer.
+    assert min(nearest) > (-0.03 if hard else 0.02)
+    assert (min(nearest) < 0.05) == hard
+
+
+def test_about_a_third_moves_and_some_are_covered_and_carried() -> None:
+    moving, covered, carried = [], 0, 0
+    for seed in range(8):
+        scene = build_clip(seed, 0, 50, hard=False)
+        for frame in range(50):
+            for number, thing in enumerate(scene.objects):
+                moves = thing.speed(frame / 24) > 1e-3
+                outer = scene.container(number, frame / 24)
+                moving.append(moves)
+                covered += outer is not None
+                carried += outer is not None and moves
+                if outer is not None:
+                    pose, cone = thing.motion.pose(frame / 24), outer.motion.pose(frame / 24)
+                    np.testing.assert_allclose(pose[:2, 3], cone[:2, 3], atol=1e-9)
+    assert 0.2 < np.mean(moving) < 0.45
+    assert covered > 20
+    assert carried > 5
+
+
+def test_what_is_covered_shows_nothing(truth: dict[str, list[dict[str, Any]]]) -> None:
+    covered = [row for rows in truth.values() for row in rows if row["contained_in"]]
+    assert covered
+    assert {row["visible_px"] for row in covered} == {0}
+    assert {row["occluded"] for row in covered} == {1.0}
+    assert {row["contained_in"].rpartition("_")[2] for row in covered} == {"cone"}
+
+
+def test_truth_is_complete_over_time(truth: dict[str, list[dict[str, Any]]]) -> None:
+    assert all([row["frame"] for row in rows] == list(range(50)) for rows in truth.values())
+    tilted = [r for rows in truth.values() for r in rows if abs(r["level_R_object"][4]) < 0.99]
+    assert {row["category"] for row in tilted} <= {"box", "cylinder"}
+    assert all(row["yaw_observable"] for row in tilted)
+
+
+def test_cameras_see_one_scene() -> None:
+    cater = open_dataset("seed=3,noise_m=0")
+    assert isinstance(cater, SeveralCameras)
+    frame = cater.frames(CLIP)[10]
+    others = cater.simultaneous(frame)
+    assert [other.sequence[-1] for other, _ in others] == ["1", "2", "3", "4", "5"]
+    own = {row["object_id"]: row for row in cater.ground_truth(CLIP) if row["frame"] == 10}
+    other, level_T_other = others[2]
+    moved = cater.read_points(other).xyz @ level_T_other[:3, :3].T + level_T_other[:3, 3]
+    table_m = np.median(cater.read_points(frame).xyz[:, 1])
+    assert np.quantile(moved[:, 1], 0.999) == pytest.approx(table_m, abs=1e-3)
+    for row in cater.ground_truth(other.sequence):
+        if row["frame"] == 10:
+            place = level_T_other @ [row["x_m"], row["y_m"], row["z_m"], 1.0]
+            mine = own[row["object_id"]]
+            np.testing.assert_allclose(place[:3], [mine[n] for n in ("x_m", "y_m", "z_m")])
+
+
+def test_hard_clips_miss_a_tenth_of_the_depth() -> None:
+    frame = open_dataset("hard=true").frames(CLIP)[0]
+    whole = len(open_dataset("hard=true,missing=0").read_points(frame))
+    assert len(open_dataset("hard=true").read_points(frame)) / whole == pytest.approx(0.9, abs=0.01)
+    assert len(open_dataset("missing=0.5").read_points(frame)) < 0.6 * whole
+
+
+def test_written_clips_read_as_they_were_generated(folder: Path) -> None:
+    disk, made = open_dataset(str(folder)), open_dataset(SMALL)
+    assert disk.sequences() == made.sequences()
+    for sequence in disk.sequences():
+        for mine, theirs in zip(disk.frames(sequence), made.frames(sequence), strict=True):
+            assert mine.timestamp_ns == theirs.timestamp_ns
+            np.testing.assert_allclose(mine.camera_T_level, theirs.camera_T_level, atol=1e-12)
+            np.testing.assert_array_equal(disk.read_image(mine), made.read_image(theirs))
+            a, b = disk.read_points(mine), made.read_points(theirs)
+            np.testing.assert_array_equal(a.pixels, b.pixels)
+            np.testing.assert_allclose(a.xyz, b.xyz, atol=5e-4)
+        pairs = zip(disk.ground_truth(sequence), made.ground_truth(sequence), strict=True)
+        for row, expected in pairs:
+            # Files hold a pose a frame: speeds between them are those of straight lines.
+            assert row.pop("speed_mps") == pytest.approx(expected.pop("speed_mps"), abs=0.5)
+            for name, value in row.items():
+                assert value == (expected[name] if value is None else pytest.approx(expected[name]))
+
+
+def test_written_clips_are_left_alone_and_others_refused(folder: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.*")}
+    assert sum(1 for _ in generate(SMALL, str(folder)).work) == 6
+    assert {path: path.stat().st_mtime_ns for path in folder.rglob("*.*")} == before
+    with pytest.raises(DatasetError, match="another clip"):
+        next(generate(SMALL.replace("seed=3", "seed=4"), str(folder)).work)
+
+
+def test_labels_touch_nothing_but_the_truth(copied: Path) -> None:
+    cater = open_dataset(str(copied))
+    before = (cater.info(CLIP), cater.frames(CLIP))
+    (copied / "clip_0000" / "truth.json").unlink()
+    assert (cater.info(CLIP), cater.frames(CLIP)) == before
+    assert cater.ground_truth(CLIP) == []
+
+
+def test_damaged_frames_are_errors_of_their_own(copied: Path) -> None:
+    camera = copied / "clip_0000" / "camera_0"
+    (camera / "depth" / "000000.png").unlink()
+    (camera / "rgb" / "000001.png").write_bytes(b"no image")
+    shutil.copy(camera / "rgb" / "000002.png", camera / "depth" / "000002.png")
+    cater = open_dataset(str(copied))
+    frames = cater.frames(CLIP)
+    assert [frame.status for frame in frames] == ["error", "ok", "ok"]
+    assert "no depth image 000000.png" in str(frames[0].error)
+    assert "000001.png" in str(frames[1].image_error)
+    with pytest.raises(FrameError, match="16 bits"):
+        cater.read_points(frames[2])
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("calibration.json", {"cameras": []}, "needs a camera"),
+        ("calibration.json", {"depth_unit_m": 0}, "above 0"),
+        ("truth.json", {"objects": [{"object_id": "a", "shape": "torus"}]}, "torus"),
+        ("truth.json", {"containments": [{"inner": "x", "outer": "y"}]}, "no object"),
+    ],
+)
+def test_a_broken_file_is_named(
+    copied: Path, name: str, change: dict[str, Any], message: str
+) -> None:
+    path = copied / "clip_0000" / name
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    cater: Cater = open_dataset(str(copied))
+    with pytest.raises(DatasetError, match=message):
+        cater.frames(CLIP) if name == "calibration.json" else cater.ground_truth(CLIP)
+
+
+def test_a_folder_without_clips_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(DatasetError, match="no clip"):
+        open_dataset(str(tmp_path)).sequences()
