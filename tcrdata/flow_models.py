@@ -121,15 +121,21 @@ def copy_model(source: Store, target: Store, model: str | None = None) -> str:
 
 
 def flow_assignments(
-    store: Store | None, flow: str | None, weights: str | None, model: str | None
+    store_url: str | None,
+    flow: str | None,
+    weights: str | None,
+    model: str | None,
+    *,
+    dry_run: bool = False,
 ) -> dict[str, str]:
     """Return the settings of the cue `flow` for what was asked for.
 
     Args:
-        store: gets the weights of a file; None only to plan.
+        store_url: holds the networks, and gets the weights of a file; created for these.
         flow: dis or raft; None leaves the settings alone.
         weights: file of RAFT's weights.
         model: id of a model.
+        dry_run: write nothing.
 
     Raises:
         SettingsError: weights or a model without `raft`, both, or a file that holds none.
@@ -143,10 +149,12 @@ def flow_assignments(
         return {}
     if flow == "dis":
         return {"flow.method": "dis"}
-    if weights:
-        chosen = import_weights(store, weights) if store else file_identity(weights)[0].model_id
+    if weights and (dry_run or store_url is None):
+        chosen = file_identity(weights)[0].model_id
+    elif weights:
+        chosen = import_weights(open_store(str(store_url), create=True), weights)
     else:
-        row = flow_model(store, model) if store else None
+        row = flow_model(open_store(store_url), model) if store_url else None
         if row is None:
             raise MissingEvidenceError(
                 "--flow raft: the store has no flow network: give --weights FILE, or run "
@@ -186,7 +194,6 @@ def named_estimator(
         return Dis()
     if store_url is None:
         raise SettingsError("--flow raft: give --weights FILE, or --model-store with its networks")
-    store = open_store(store_url)
-    chosen = flow_assignments(store, flow, weights, model)["flow.model"]
+    chosen = flow_assignments(store_url, flow, weights, model)["flow.model"]
     wanted = Settings("raft", chosen, iterations=iterations)
-    return chosen_estimator(store.tables("_", "_", ROUND), wanted)
+    return chosen_estimator(open_store(store_url), wanted)

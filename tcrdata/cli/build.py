@@ -84,9 +84,7 @@ def build(
     if generate:
         root = _generated(dataset, generate, root, work=not dry_run)
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
-    values |= flow_assignments(
-        open_store(store, create=not dry_run) if flow == "raft" else None, flow, weights, model
-    )
+    values |= flow_assignments(store, flow, weights, model, dry_run=dry_run)
     loop = plan_rounds(
         dataset,
         root,

@@ -75,9 +75,8 @@ def write_kitti_flow(path: Path, flow: Float32Array) -> None:
     """
     import cv2
 
-    every = np.isfinite(flow).all(axis=2, keepdims=True)
-    known = every[..., 0]
-    steps = np.rint(np.where(every, flow, 0) * KITTI_STEPS_A_PX) + KITTI_ZERO
+    known = np.asarray(np.isfinite(flow).all(axis=2))
+    steps = np.rint(np.where(known[..., None], flow, 0) * KITTI_STEPS_A_PX) + KITTI_ZERO
     if steps.min(initial=0) < 0 or steps.max(initial=0) > 2**16 - 1:
         largest = float(np.abs(flow[known]).max())
         raise DatasetError(

@@ -20,6 +20,7 @@ from tcrdata.evidence.flow_estimators import METHODS, Dis, Estimator, Raft
 from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
 from tcrdata.evidence.point_rows import error_rows
 from tcrdata.evidence.stored_flow import Pair, image_pairs
+from tcrdata.store import Store
 from tcrdata.store.arrays import encode_bits, encode_flow
 from tcrdata.types import CueInput, Dataset, Float32Array, ImageArray, Rows, Tables
 
@@ -79,11 +80,11 @@ def run(cue: CueInput) -> Iterator[Rows]:
         yield from batches
 
 
-def chosen_estimator(tables: Tables, settings: Settings, round: int = 1) -> Estimator:
+def chosen_estimator(tables: Tables | Store, settings: Settings, round: int = 1) -> Estimator:
     """Return what the settings name.
 
     Args:
-        tables: may hold RAFT's model.
+        tables: may hold RAFT's model; or the store that does.
         settings: method, model and iterations.
         round: EM round.
 

@@ -47,9 +47,8 @@ def check_flow(
     pairs = StoredPairs(flow_frames(store, recipe, model.snapshot), HELD_OUT)
     if not len(pairs):
         raise MissingEvidenceError(f"{store.url}: no pair of frames is held out to check with")
-    tables = store.tables(ANY_DATASET, ANY_DATASET, ROUND)
     networks = {
-        role: (name, chosen_estimator(tables, CueSettings(method="raft", model=name)))
+        role: (name, chosen_estimator(store, CueSettings(method="raft", model=name)))
         for role, name in (("student", model.model_id), ("teacher", recipe.teacher))
     }
     rows: list[dict[str, Any]] = []

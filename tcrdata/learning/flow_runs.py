@@ -140,7 +140,7 @@ def plan_finetuning(
             raise SettingsError(settings.unknown(f"loss '{name}'", name, SELF_SUPERVISED))
     weights = {name: "0" for name in SELF_SUPERVISED if name not in chosen}
     size = teacher["settings"]["network"]["size"]
-    network = RaftSettings(size, iterations=6, frozen_norms=True, both_ways=True)
+    network = RaftSettings(size, iterations=4, frozen_norms=True, both_ways=True)
     return FlowRecipe(
         settings.overridden(network, grouped["network"], "network"),
         settings.overridden(TAUGHT_LOOP, grouped[""], "train"),
@@ -212,8 +212,9 @@ def flow_frames(store: Store, recipe: FlowRecipe, snapshot: str) -> Frames:
 
 def flow_teacher(store: Store, recipe: FlowRecipe) -> Estimator:
     """Return the network that is finetuned, as it was."""
-    wanted = CueSettings(method="raft", model=recipe.teacher)
-    return chosen_estimator(store.tables("_", "_", ROUND), wanted)
+    iterations = recipe.pairs.teacher_iterations
+    wanted = CueSettings(method="raft", model=recipe.teacher, iterations=iterations)
+    return chosen_estimator(store, wanted)
 
 
 def _begun(store: Store, recipe: FlowRecipe) -> str | None:

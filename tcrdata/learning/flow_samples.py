@@ -1,4 +1,4 @@
-"""Samples of flow: generated pairs with exact flow, and a store's pairs with what a teacher says."""
+"""Samples of flow: generated pairs, and a store's pairs with what a teacher says of them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class GeneratedPairs:
         """Return nothing but a name: all comes of the random numbers of the position."""
         return {"key": "generated"}
 
-    def column(self, name: str) -> list[Any]:
+    def column(self, name: str) -> list[Any]:  # noqa: ARG002
         """Return a column of the pairs: there are no labels among them."""
         return [0]
 
@@ -90,6 +90,7 @@ class PairSettings:
         height_px: of the piece that is cut out.
         width_px: of it.
         margin_px: around it that the teacher sees, too.
+        teacher_iterations: corrections that the teacher makes.
         scale: of the images before anything is cut.
         boxes: occlusions of one image, at most.
         least_box: smallest side of one, as a share of the piece's height.
@@ -97,9 +98,10 @@ class PairSettings:
         flip: mirror half of the pairs.
     """
 
-    height_px: int = 160
-    width_px: int = 320
+    height_px: int = 128
+    width_px: int = 256
     margin_px: int = 32
+    teacher_iterations: int = 8
     scale: float = 1.0
     boxes: int = 4
     least_box: float = 0.1

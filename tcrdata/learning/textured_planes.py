@@ -116,7 +116,7 @@ def _homography_flow(moved: FloatArray, height: int, width: int) -> Float32Array
 
 
 def _jitter(height: int, width: int, rng: np.random.Generator) -> FloatArray:
-    """A placing of a canvas in the first image between pixels, so that both images are resampled."""
+    """A place of a canvas in the first image, between pixels: both images are resampled."""
     turn, size = rng.uniform(-0.5, 0.5), rng.uniform(0.9, 1.3)
     side = _canvas_side(height, width)
     own = size * np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])

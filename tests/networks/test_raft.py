@@ -106,7 +106,7 @@ def test_what_is_no_file_of_weights_is_refused(tmp_path: Path) -> None:
         read_raft_weights(str(tmp_path / "text.pth"))
     with pytest.raises(SettingsError, match="holds a list, not a state dict"):
         read_raft_weights(saved(tmp_path, [1, 2]))
-    with pytest.raises(SettingsError, match="network.size: 'medium' is none of small, full"):
+    with pytest.raises(SettingsError, match=r"network\.size: 'medium' is none of small, full"):
         Settings(size="medium")
 
 
