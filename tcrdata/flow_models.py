@@ -154,7 +154,8 @@ def flow_assignments(
     elif weights:
         chosen = import_weights(open_store(str(store_url), create=True), weights)
     else:
-        row = flow_model(open_store(store_url), model) if store_url else None
+        opened = open_store(store_url, create=not dry_run) if store_url else None
+        row = flow_model(opened, model) if opened else None
         if row is None:
             raise MissingEvidenceError(
                 "--flow raft: the store has no flow network: give --weights FILE, or run "
@@ -194,6 +195,6 @@ def named_estimator(
         return Dis()
     if store_url is None:
         raise SettingsError("--flow raft: give --weights FILE, or --model-store with its networks")
-    chosen = flow_assignments(store_url, flow, weights, model)["flow.model"]
+    chosen = flow_assignments(store_url, flow, weights, model, dry_run=True)["flow.model"]
     wanted = Settings("raft", chosen, iterations=iterations)
     return chosen_estimator(open_store(store_url), wanted)
