@@ -15,6 +15,7 @@ from tcrdata.cli import (
     diff,
     draw,
     evaluate,
+    evaluate_flow,
     export,
     funnel,
     models,
@@ -25,12 +26,13 @@ from tcrdata.cli import (
     status,
     test_rules,
     train,
+    train_flow,
     view,
     views,
     warm,
     why,
 )
-from tcrdata.cli.app import app
+from tcrdata.cli.app import app, group
 from tcrdata.errors import TcrdataError
 
 for _command in (
@@ -39,7 +41,6 @@ for _command in (
     compact.compact,
     diff.diff,
     draw.draw,
-    evaluate.evaluate,
     export.export,
     funnel.funnel,
     models.models,
@@ -49,13 +50,15 @@ for _command in (
     sql.sql,
     status.status,
     test_rules.test_rules,
-    train.train,
     view.view,
     views.views,
     warm.warm,
     why.why,
 ):
     app.command(_command)
+
+group(evaluate.evaluate, flow=evaluate_flow.evaluate_flow)
+group(train.train, flow=train_flow.train_flow)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
