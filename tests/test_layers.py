@@ -23,6 +23,8 @@ LAYERS = (
         "outcomes",
         "ingest",
         "executors",
+        "flow_evaluation",
+        "flow_models",
         "dry_runs",
         "pipeline",
         "calibration",
