@@ -99,7 +99,10 @@ def _tracking(store: Store, selection_id: str, out: str | None, *, json: bool) -
         (_named(i.kind), i.hota, i.detection, i.association, i.mota, i.motp, i.idf1, i.switches)
         for i in result.identity
     ]
-    console.print_table("identity", columns, rows)
+    if rows:
+        console.print_table("identity", columns, rows)
+    if result.without_identity is not None:
+        console.say(result.without_identity)
     return 0
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.library import Library
 from tcrdata.tracking.scenes import Scene, to_box
 from tcrdata.types import Float32Array, FloatArray
@@ -107,7 +107,7 @@ def score_paths(paths: Float32Array, volumes: Sequence[Volume]) -> FloatArray:
     return total / max(len(volumes), 1)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _sample(
     values: Float32Array, low: Float32Array, inverse: float, points: Float32Array, out: FloatArray
 ) -> None:

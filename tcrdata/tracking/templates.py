@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
+from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.scenes import to_box
 from tcrdata.types import Float32Array, FloatArray
 
@@ -130,7 +130,7 @@ def correlate(
 ) -> Pose | None:
     """Return where a template fits best around a predicted (7,) box; None without points there.
 
-    Coarse steps of a voxel over the ground, up and down, then turns, then steps of a third and of a ninth.
+    Steps of a voxel over the ground, up and down; then turns; then steps of a third and a ninth.
     """
     reach = settings.reach_m
     half = box[[3, 5, 4]] / 2
@@ -158,10 +158,13 @@ def correlate(
     ):
         tried = best + offsets
         scores = _correlations(*args, tried.astype(np.float32))
-        scores = scores - cost * np.abs(tried[:, :3]).sum(axis=1)
+        way = np.abs(tried[:, :3]).sum(axis=1) + float(np.hypot(*half[[0, 2]])) * np.abs(
+            tried[:, 3]
+        )
+        scores = scores - cost * way
         best = tried[int(np.argmax(scores))]
     moved = _moved(box, best)
-    there, at = _near(moved, points, half)
+    there, at = _near(moved, points, half + v / 2)
     if not len(there):
         return None
     score = _correlations(
@@ -216,7 +219,7 @@ def _template(
     return Template(raw, volume, low, voxel_m, len(local))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _splat(
     raw: Float32Array,
     local: Float32Array,
@@ -242,7 +245,7 @@ def _splat(
                 raw[u + i0, v + i1, w + i2, c] += weight * features[i, c]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _correlations(
     local: Float32Array,
     features: Float32Array,
