@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -109,7 +110,11 @@ def score_paths(paths: Float32Array, volumes: Sequence[Volume]) -> FloatArray:
 
 @compiled
 def _sample(
-    values: Float32Array, low: Float32Array, inverse: float, points: Float32Array, out: FloatArray
+    values: Float32Array,
+    low: Float32Array,
+    inverse: np.floating[Any],
+    points: Float32Array,
+    out: FloatArray,
 ) -> None:
     for i in range(len(points)):
         a = (points[i, 0] - low[0]) * inverse
