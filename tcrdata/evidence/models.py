@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import EvidenceError
-from tcrdata.store import open_store
+from tcrdata.store import Store, open_store
 from tcrdata.types import Tables
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def network_of(model: Model) -> Trained:
     return trained_network(model.network, json.loads(model.plain), model.weights, what)
 
 
-def chosen_model(tables: Tables, choice: ModelChoice) -> dict[str, Any]:
+def chosen_model(tables: Tables | Store, choice: ModelChoice) -> dict[str, Any]:
     """Return the row of `models` that a cue asks for.
 
     Raises:
@@ -95,7 +95,7 @@ def chosen_model(tables: Tables, choice: ModelChoice) -> dict[str, Any]:
     return last[0]
 
 
-def model_weights(tables: Tables, choice: ModelChoice, model_id: str) -> bytes:
+def model_weights(tables: Tables | Store, choice: ModelChoice, model_id: str) -> bytes:
     """Return the bytes of a model's averaged weights.
 
     Raises:
@@ -109,7 +109,7 @@ def model_weights(tables: Tables, choice: ModelChoice, model_id: str) -> bytes:
 
 
 def _read(
-    tables: Tables, choice: ModelChoice, table: str, columns: tuple[str, ...], **equals: Any
+    tables: Tables | Store, choice: ModelChoice, table: str, columns: tuple[str, ...], **equals: Any
 ) -> list[dict[str, Any]]:
     source: Any = open_store(choice.store) if choice.store else tables
     return list(source.read(table, columns=list(columns), **equals).to_pylist())

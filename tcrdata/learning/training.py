@@ -17,7 +17,7 @@ from tcrdata.errors import TrainingError
 from tcrdata.learning.checkpoints import ModelIdentity, Progress, save_checkpoint
 from tcrdata.learning.devices import Place
 from tcrdata.learning.frames import Frames
-from tcrdata.learning.learner import Batch, Learner, LearnerSettings
+from tcrdata.learning.learner import Batch, Learner, LearnerSettings, Objective
 from tcrdata.learning.stream import FrameStream, Transform
 from tcrdata.store import Store
 
@@ -66,6 +66,8 @@ def train(
     *,
     resume: bool = False,
     report: Callable[[Report], None] = lambda _: None,
+    objective: Objective | None = None,
+    start: Mapping[str, torch.Tensor] | None = None,
 ) -> Progress:
     """Train a network and commit its checkpoints; a resumed training gives the same losses.
 
@@ -79,13 +81,17 @@ def train(
         place: device and process.
         resume: go on from the newest checkpoint.
         report: called after each step, of several processes by the first alone.
+        objective: what is learnt; None for the objective of the model's kind.
+        start: weights to begin with; None for random ones.
 
     Raises:
         TrainingError: the loss is not finite; names the frames of the batch.
         StoreError: the checkpoint is damaged or another architecture's.
     """
     torch.set_num_threads(loop.threads)
-    learner = Learner(model.kind, model.network, network_settings, loop, place)
+    learner = Learner(
+        model.kind, model.network, network_settings, loop, place, objective=objective, start=start
+    )
     if resume:
         learner.restore(store, model)
     first, started = len(learner.terms), time.perf_counter()
