@@ -53,7 +53,7 @@ class Model:
     weights: bytes
 
 
-def read_model(tables: Tables, choice: ModelChoice) -> Model:
+def read_model(tables: Tables | Store, choice: ModelChoice) -> Model:
     """Return the model that a cue asks for, with its weights.
 
     Raises:
