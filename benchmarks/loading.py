@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from torch.utils.data import DataLoader, Dataset
+from torch.utils.data import DataLoader
 
 from tcrdata.learning.frames import Frames, open_frames
 from tcrdata.learning.runs import plan_recipe
@@ -43,7 +43,7 @@ WORKERS, PASSES, REPEAT = 2, 4, 3
 HEADER = ("samples", "from", "frames/s", "CPU ms a frame", "MB a frame on disk")
 
 
-class NpzFiles(Dataset[dict[str, Any]]):
+class NpzFiles:
     """One compressed file a frame, as the released code keeps them."""
 
     def __init__(self, paths: list[Path], passes: int) -> None:

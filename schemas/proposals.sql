@@ -7,8 +7,8 @@ create table proposals (
     sequence varchar not null,          -- drive or clip
     frame integer not null,             -- number of the frame
     round integer not null,             -- EM round
-    source varchar not null,            -- paper, release, free_space, detector (one frame), track, static, detected (many frames)
-    fit varchar not null,               -- how the box was fitted: min_area, l_shape, track, center_net or persistent
+    source varchar not null,            -- paper, release, free_space, detector (one frame), track, static, detected, table_box, table_round (many frames)
+    fit varchar not null,               -- how the box was fitted: min_area, l_shape, track, center_net, persistent or round (no yaw: it cannot be observed)
     region_id varchar not null,         -- the region it was fitted to; two fits of one region share it
     track_id varchar,                   -- tracks and static objects: the same in every frame
     found varchar not null,             -- observed, gap (between two sightings), extended (beyond the first or last)
@@ -71,6 +71,7 @@ create table proposals (
     track_core_share double,            -- median core_share over the track
     track_box_core_share double,        -- tracks: median over the observed frames of the core share of all points in the box but ground; 0 when empty
     track_points double,                -- median number of points over the track
+    track_fill_share double,            -- table: median fill_share of the sightings around that nothing hides
     track_height_m double,              -- height of the track's box
     track_range_min_m double,           -- nearest it came
     seen_length_m double,               -- tracks: the length that its points show; length_m is more where a vehicle's proportions fill in

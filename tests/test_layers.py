@@ -14,7 +14,7 @@ LAYERS = (
     ("types", "errors", "resources", "frame_ranges"),
     ("geometry", "settings", "registry"),
     ("store", "reports", "networks"),
-    ("datasets", "evidence", "rules", "evaluation", "exporters", "views"),
+    ("datasets", "evidence", "rules", "tracking", "evaluation", "exporters", "views"),
     (
         "inspection",
         "learning",
@@ -30,6 +30,10 @@ LAYERS = (
         "calibration",
         "rounds",
         "trainings",
+        "tracked_rows",
+        "tracked_scenes",
+        "track_runs",
+        "truth_starts",
         "status",
         "pictures",
         "recordings",
@@ -46,7 +50,7 @@ HEAVY = {
     "kiss_icp": {"evidence"},
     "pypatchworkpp": {"evidence"},
     "small_gicp": {"evidence"},
-    "numba": {"evidence", "geometry", "datasets"},
+    "numba": {"evidence", "geometry", "datasets", "tracking"},
     "shapely": {"geometry", "evaluation", "evidence"},
 }
 

@@ -28,7 +28,8 @@ with shots as (
 objects as (
     select 'label' as kind, dataset, sequence, frame, proposal_id as object_id, score,
            x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad,
-           null::double[] as level_R_object, true as yaw_observable,
+           null::double[] as level_R_object, null::double[] as object_size_m,
+           true as yaw_observable,
            left_px, top_px, right_px, bottom_px, null::integer as visible_px, speed_mps
     from labels
     where (getvariable('selection_id') is null or selection_id = getvariable('selection_id'))
@@ -38,7 +39,7 @@ objects as (
     union all
     select if(category = 'DontCare', 'dont_care', 'truth'), dataset, sequence, frame, object_id,
            null, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object,
-           yaw_observable, left_px, top_px, right_px, bottom_px, visible_px, speed_mps
+           object_size_m, yaw_observable, left_px, top_px, right_px, bottom_px, visible_px, speed_mps
     from ground_truth
 ),
 placed as (
@@ -57,7 +58,8 @@ projected as (
     from placed
 )
 select kind, dataset, sequence, frame, object_id, score,
-       x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object, yaw_observable,
+       x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object, object_size_m,
+       yaw_observable,
        left_px, top_px, right_px, bottom_px,
        kind != 'dont_care'
            and (not has_region

@@ -66,7 +66,7 @@ def build(
     """
     from tcrdata import executors
 
-    count = workers if workers is not None else _default_workers()
+    count = workers if workers is not None else default_workers()
     if count < 1:
         raise SettingsError(f"--workers {count}: at least one is needed")
     if count > 1 and not dry_run:
@@ -132,5 +132,6 @@ def _generated(dataset: str, text: str, root: str, *, work: bool) -> str:
     return generation.root
 
 
-def _default_workers() -> int:
+def default_workers() -> int:
+    """Return as many workers as cores, eight at most."""
     return min(len(os.sched_getaffinity(0)), MOST_WORKERS_BY_DEFAULT)

@@ -48,6 +48,7 @@ class FrameObjects:
         truths: (M, 7) boxes.
         truths_2d: (M, 4) pixels.
         rotations: (M, 3, 3), NaN when unknown.
+        sizes: (M, 3) own extents along the columns of the rotations, NaN when unknown.
         yaw_observable: (M,).
         scored: (M,) inside the region and not hidden.
         moving: (M,) known to move.
@@ -62,6 +63,7 @@ class FrameObjects:
     truths: FloatArray
     truths_2d: FloatArray
     rotations: FloatArray
+    sizes: FloatArray
     yaw_observable: BoolArray
     scored: BoolArray
     moving: BoolArray
@@ -116,7 +118,8 @@ def _frames(table: Any, wanted: set[str]) -> Iterator[FrameObjects]:
     columns = {name: _numpy(table[name]) for name in table.column_names}
     columns["box"] = np.stack([columns[name] for name in _BOX], axis=1)
     columns["box_2d"] = np.stack([columns[name] for name in _BOX_2D], axis=1)
-    columns["rotation"] = _rotations(table["level_R_object"])
+    columns["rotation"] = _lists(table["level_R_object"], 9).reshape(-1, 3, 3)
+    columns["size"] = _lists(table["object_size_m"], 3)
     new = np.zeros(table.num_rows, dtype=bool)
     for name in ("dataset", "sequence", "frame"):
         new[1:] |= columns[name][1:] != columns[name][:-1]
@@ -138,10 +141,11 @@ def _numpy(column: Any) -> NDArray[Any]:
     return np.asarray(column.to_numpy())
 
 
-def _rotations(column: Any) -> FloatArray:
-    unknown = [np.nan] * 9
+def _lists(column: Any, length: int) -> FloatArray:
+    """Return (N, length) numbers of a column of lists; NULL becomes NaN."""
+    unknown = [np.nan] * length
     rows = [row or unknown for row in column.to_pylist()]
-    return np.array(rows, dtype=np.float64).reshape(-1, 3, 3)
+    return np.array(rows, dtype=np.float64).reshape(-1, length)
 
 
 def _frame(columns: dict[str, NDArray[Any]]) -> FrameObjects:
@@ -156,6 +160,7 @@ def _frame(columns: dict[str, NDArray[Any]]) -> FrameObjects:
         truths=columns["box"][truth],
         truths_2d=columns["box_2d"][truth],
         rotations=columns["rotation"][truth],
+        sizes=columns["size"][truth],
         yaw_observable=columns["yaw_observable"][truth],
         scored=columns["scored"][truth],
         moving=columns["moving"][truth],

@@ -16,7 +16,11 @@ _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1
 
 
 def bev_overlap(
-    labels: FloatArray, truths: FloatArray, rotations: FloatArray, yaw_observable: BoolArray
+    labels: FloatArray,
+    truths: FloatArray,
+    rotations: FloatArray,
+    sizes: FloatArray,
+    yaw_observable: BoolArray,
 ) -> FloatArray:
     """Return (N, M) overlaps of footprints.
 
@@ -27,6 +31,7 @@ def bev_overlap(
         labels: (N, 7).
         truths: (M, 7).
         rotations: (M, 3, 3) `level_R_object` with columns length, height, width; NaN when unknown.
+        sizes: (M, 3) the objects' own extents along those columns; NaN when unknown.
         yaw_observable: (M,).
     """
     overlap = bev_iou(labels, truths)
@@ -36,8 +41,9 @@ def bev_overlap(
     overlap[:, round_ones] = _parallel_iou(labels, truths[round_ones])
     with np.errstate(invalid="ignore"):
         tilted = yaw_observable & (np.abs(rotations[:, 1, 1]) < _UPRIGHT)
+    sizes = np.where(np.isfinite(sizes), sizes, truths[:, [3, 5, 4]])
     for column in np.flatnonzero(tilted):
-        overlap[:, column] = _hull_iou(labels, truths[column], rotations[column])
+        overlap[:, column] = _hull_iou(labels, truths[column, :3], rotations[column], sizes[column])
     return overlap
 
 
@@ -70,11 +76,13 @@ def _parallel_iou(labels: FloatArray, truths: FloatArray) -> FloatArray:
     return _ratio(shared, area_labels[:, None] + area_truths[None, :] - shared)
 
 
-def _hull_iou(labels: FloatArray, truth: FloatArray, rotation: FloatArray) -> FloatArray:
+def _hull_iou(
+    labels: FloatArray, center: FloatArray, rotation: FloatArray, size: FloatArray
+) -> FloatArray:
     """Overlap of (N, 7) footprints with the shadow, straight down, of one tilted box."""
     import shapely
 
-    corners = (_CORNERS * truth[[3, 5, 4]]) @ rotation.T + truth[:3]
+    corners = (_CORNERS * size) @ rotation.T + center
     shadow = shapely.convex_hull(shapely.multipoints(corners[:, [0, 2]]))
     footprints = shapely.polygons(box_corners_bev(labels))
     shared = np.asarray(shapely.area(shapely.intersection(footprints, shadow)))

@@ -247,7 +247,11 @@ def _score_frame(
 def _match(frame: FrameObjects, view: str, use: BoolArray, settings: Settings) -> IntArray:
     if view == "bev":
         overlap = bev_overlap(
-            frame.labels, frame.truths[use], frame.rotations[use], frame.yaw_observable[use]
+            frame.labels,
+            frame.truths[use],
+            frame.rotations[use],
+            frame.sizes[use],
+            frame.yaw_observable[use],
         )
     else:
         overlap = image_overlap(frame.labels_2d, frame.truths_2d[use])

@@ -7,10 +7,10 @@ whatever its source, gets a confidence of module `objectness_3d`: the largest he
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -26,6 +26,12 @@ from tcrdata.evidence.objectness_boxes import (
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
 from tcrdata.evidence.proposal_columns import Columns
 from tcrdata.types import CueInput, Dataset, FloatArray, Frame, Rows, Sensor
+
+if TYPE_CHECKING:
+    import torch
+
+    from tcrdata.networks.grids import Sweep
+    from tcrdata.networks.trained import Trained
 
 NEEDS: tuple[str, ...] = ("ground", "odometry", "free_space")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
@@ -187,7 +193,6 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
 
     from tcrdata.networks.decoding import DecodeSettings, decode
     from tcrdata.networks.grids import Sweep
-    from tcrdata.networks.mirrored import mirrored_mean
 
     torch.set_num_threads(chunk.settings.threads)
     trained = _network(chunk.model)
@@ -197,10 +202,8 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     xyz, height = cloud.xyz / scale, evidence["height_m"] / scale
     colours = _colours(chunk, item, trained.module, cloud.xyz)
     sweep = Sweep(xyz, height, evidence["ground"], colours)
-    image = torch.from_numpy(trained.module.image_of(sweep, trained.settings))[None]
     own = chunk.settings
-    with torch.inference_mode():
-        outputs = mirrored_mean(trained.network, image) if own.mirrored else trained.network(image)
+    outputs = _outputs(trained, sweep, own.mirrored)
     region = trained.settings.region.coarser(trained.settings.stride)
     peaks = DecodeSettings(own.window, own.most, own.least_score, own.same_iou)
     (found,) = decode(outputs, region, peaks, trained.settings.volume_top_m)
@@ -218,6 +221,20 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     values = [*found.scores.tolist(), *confidences]
     rows = _confidences(item.frame.frame, ids, values)
     return [("proposals", columns), ("confidences", rows)] if ids else []
+
+
+def _outputs(trained: Trained, sweep: Sweep, mirrored: bool) -> Mapping[str, torch.Tensor]:
+    """Return what the network says of a sweep, or the mean with its word on the mirror image."""
+    import torch
+
+    from tcrdata.networks.mirrored import mirrored_mean
+
+    image = torch.from_numpy(trained.module.image_of(sweep, trained.settings))[None]
+    with torch.inference_mode():
+        if mirrored:
+            return mirrored_mean(trained.network, image)
+        outputs: Mapping[str, torch.Tensor] = trained.network(image)
+        return outputs
 
 
 def _colours(chunk: _Chunk, item: _Item, module: Any, xyz: Any) -> Any:

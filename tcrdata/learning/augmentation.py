@@ -27,6 +27,7 @@ class SweepAugmentation:
             points that project into it; 0 erases none.
         erased_most: share of an object's points that may go so: the whole object never does.
         pasted: copies of labelled objects that are tried elsewhere in the sweep.
+        pasted_farther: a copy is up to so many times as far away, and the sparser for it.
         pasted_stretch: each side of a copy grows or shrinks by up to this share.
         pasted_hidden_share: a copy of which nearer things hide more is dropped.
     """
@@ -39,7 +40,8 @@ class SweepAugmentation:
     height_jitter_m: float = 0.05
     erased_px: float = 20.0
     erased_most: float = 0.5
-    pasted: int = 0
+    pasted: int = 4
+    pasted_farther: float = 2.0
     pasted_stretch: float = 0.15
     pasted_hidden_share: float = 0.5
 

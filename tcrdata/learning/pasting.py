@@ -1,8 +1,9 @@
-"""Copies of a sweep's labelled objects, set elsewhere in the same sweep at the same range.
+"""Copies of a sweep's labelled objects, set elsewhere in the same sweep.
 
 A lidar shows an object as densely from every azimuth: turned about the sensor, its points are what
-it would show there. Copies are stretched, since few objects move in a drive and their like come in
-other sizes (random object scaling: Yang et al., ST3D, CVPR 2021).
+it would show there; moved away from it, the share 1 / factor^2 of them is. Copies are stretched,
+since few objects move in a drive and their like come in other sizes (random object scaling: Yang
+et al., ST3D, CVPR 2021).
 """
 
 from __future__ import annotations
@@ -83,14 +84,16 @@ def with_copies(
         labels: of the frame.
         objects: `labelled_objects` of the whole sweep: those outside of the region, too.
         region: where copies go.
-        settings: `pasted`, `pasted_stretch` and `pasted_hidden_share`.
+        settings: those whose names begin with `pasted`.
         rng: random numbers.
     """
     for _ in range(settings.pasted if objects else 0):
         number, own = objects[int(rng.integers(len(objects)))]
-        box = _elsewhere(labels.boxes[number], settings.pasted_stretch, region, rng)
+        farther = float(rng.uniform(1.0, settings.pasted_farther))
+        own = own.chosen(rng.random(len(own.xyz)) < farther**-2)
+        box = _elsewhere(labels.boxes[number], farther, settings.pasted_stretch, region, rng)
         floor = None if box is None else _free_floor(cloud, box)
-        if box is None or floor is None:
+        if box is None or floor is None or len(own.xyz) < _FEWEST_POINTS:
             continue
         box[1] = floor - box[5] / 2
         copy = _moved(own, labels.boxes[number], box)
@@ -110,14 +113,14 @@ def _with_box(labels: LabelBoxes, box: FloatArray, like: int) -> LabelBoxes:
 
 
 def _elsewhere(
-    box: FloatArray, stretch: float, region: Region, rng: np.random.Generator
+    box: FloatArray, farther: float, stretch: float, region: Region, rng: np.random.Generator
 ) -> FloatArray | None:
-    """Return a (7,) box turned about the sensor into the region, its sides stretched.
+    """Return a (7,) box turned about the sensor into the region, farther away, its sides stretched.
 
     Its y is still the old one's. None where a few draws do not hit the region.
     """
     turns = rng.uniform(-np.pi, np.pi, _TURNS)
-    cos, sin = np.cos(turns), np.sin(turns)
+    cos, sin = np.cos(turns) * farther, np.sin(turns) * farther
     x, z = box[0] * cos + box[2] * sin, box[2] * cos - box[0] * sin
     factors = rng.uniform(1 - stretch, 1 + stretch, 3)
     inside = np.flatnonzero(region.cells(x, z)[1])

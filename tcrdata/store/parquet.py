@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tcrdata.errors import SchemaError, StoreError
+from tcrdata.store.commits import FileEntry
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import arrow_schema, is_heavy, other_columns
 
@@ -137,6 +138,43 @@ class ParquetHandles:
             if len(self._open) > _OPEN_FILES:
                 self._open.popitem(last=False)
             return handle
+
+    def rows(
+        self,
+        table: str,
+        entries: Sequence[FileEntry],
+        columns: Sequence[str] | None,
+        keys: Mapping[str, Any],
+        equals: Mapping[str, Any],
+    ) -> pa.Table:
+        """Rows of some of a table's files, in file order.
+
+        Args:
+            table: the table.
+            entries: the files.
+            columns: those wanted; all when None.
+            keys: values of `dataset`, `sequence` and `round`; compared where a file's unit differs.
+            equals: further columns to their values.
+
+        Raises:
+            SchemaError: an unknown column, or a value of another type than its column.
+            StoreError: a file is damaged; names it.
+        """
+        schema = arrow_schema(table)
+        wanted = list(schema.names) if columns is None else list(columns)
+        for name in (*wanted, *equals):
+            if name not in schema.names:
+                known = ", ".join(schema.names)
+                raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
+        found = []
+        for entry in entries:
+            rest = {k: v for k, v in keys.items() if getattr(entry.unit, k) != v}
+            rest = {name: value for name, value in rest.items() if name in schema.names}
+            found.append(self.get(entry.path, table).read(wanted, {**rest, **equals}))
+        chosen = pa.schema([schema.field(name) for name in wanted])
+        if not found:
+            return pa.Table.from_batches([], schema=chosen)
+        return pa.concat_tables(found).replace_schema_metadata(chosen.metadata)
 
 
 def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:

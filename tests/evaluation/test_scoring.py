@@ -164,6 +164,20 @@ def test_round_hidden_and_small_worlds() -> None:
     assert (score.value, score.predictions, score.truths) == (1.0, 1, 1)
 
 
+def test_a_tilted_object_has_the_hull_of_its_corners() -> None:
+    # A cube of 2 m on its edge: from above 2 by 2.83 m; its upright box is what is drawn of it.
+    s = 0.5**0.5
+    tilted = box(0, 10) | {"length_m": 2 * 2**0.5, "width_m": 2.0, "height_m": 2 * 2**0.5}
+    rotation = [s, -s, 0.0, s, s, 0.0, 0.0, 0.0, 1.0]
+    truth = {"level_R_object": rotation, "object_size_m": [2.0, 2.0, 2.0]}
+    store = world(
+        [truth_row("0000", 0, "cube", **(tilted | truth))],
+        [label_row("0000", 0, "p", 0.9, **tilted)],
+    )
+    evaluation = evaluate(store, "s1", Settings(ious=(0.99,)))
+    assert evaluation.find("all", "bev", "precision")[0.99].value == 1.0
+
+
 def test_sequences_without_truth_are_named_and_left_out() -> None:
     store = world(
         [truth_row("0000", 0, "a", **box(0, 10))],
