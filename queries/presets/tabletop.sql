@@ -1,10 +1,10 @@
 -- What stands on a table before a static depth camera, moving or not: connected surfaces above the
 -- table's plane, as a box or as what is round from above, completed where something hides a part.
--- rules: source, table_shape, table_age, enough_points, height, not_overlapped
+-- rules: source, table_shape, table_age, enough_points, height
 -- required: source, table_shape
 -- cues: table_clusters
 -- next: tabletop_learned
--- loosened: min_table_age_frames = 2, min_points = 15, max_overlapped_share = 0.7
+-- loosened: min_table_age_frames = 2, min_points = 15
 set variable taken_source = 'table';
 set variable taken_fit = '';
 set variable min_points = 30;

@@ -1,10 +1,10 @@
 -- A table after learning: what stands on it, and what the detector finds at one place in many frames
 -- where no such thing is.
--- rules: source, table_shape, table_age, enough_points, height, not_overlapped, detected_age,
---   detected_share, detected_score, detected_core_share, detected_points
+-- rules: source, table_shape, table_age, enough_points, height, detected_age, detected_share,
+--   detected_score, detected_core_share, detected_points
 -- required: source
 -- cues: table_clusters, detected_objects
--- loosened: min_table_age_frames = 2, min_points = 15, max_overlapped_share = 0.7,
+-- loosened: min_table_age_frames = 2, min_points = 15,
 --   min_detected_age_frames = 2, min_visible_share = 0.1, min_best_half_score = 0.1,
 --   max_detected_core_share = 0.5, min_detected_points = 1
 set variable taken_source = 'table';

@@ -29,7 +29,6 @@ from tcrdata.evidence.point_rows import error_rows
 from tcrdata.evidence.proposal_columns import Columns, box_columns, key_columns, merged
 from tcrdata.evidence.table_regions import Region, RegionSettings, cut_regions
 from tcrdata.evidence.table_tracks import TrackedRegion, TrackSettings, follow
-from tcrdata.evidence.track_rows import overlapped_shares
 from tcrdata.types import CueInput, Dataset, Float32Array, FloatArray, Frame, PointCloud, Rows
 
 NEEDS: tuple[str, ...] = ()
@@ -171,7 +170,6 @@ def _columns(cue: CueInput, frame: Frame, fit: str, entries: list[TrackedRegion]
     """Return a frame's rows of one fit."""
     boxes = np.array([e.disc if fit == "round" else e.box for e in entries])
     base = f"{cue.info.dataset}/{cue.info.sequence}/table"
-    ranks = np.array([e.points * (1.0 - e.region.hidden_share) for e in entries])
     return merged(
         key_columns(frame, "table", fit, range(len(entries)), cue.info.metric_scale, cue.round),
         box_columns(boxes, frame),
@@ -190,7 +188,6 @@ def _columns(cue: CueInput, frame: Frame, fit: str, entries: list[TrackedRegion]
             "track_points": [e.points for e in entries],
             "track_fill_share": [e.fill_share for e in entries],
             "frames_from_observation": [0] * len(entries),
-            "overlapped_share": overlapped_shares(boxes, ranks),
         },
     )
 
