@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import MissingEvidenceError, SettingsError
-from tcrdata.plan import ROUND
+from tcrdata.plan import ROUND, ordered_cues
 from tcrdata.reports import run_report
+from tcrdata.rules import load_preset
 from tcrdata.store import Store, open_store
 
 if TYPE_CHECKING:
@@ -118,6 +119,22 @@ def copy_model(source: Store, target: Store, model: str | None = None) -> str:
         parts = {AVERAGE: read_weights(source, row["model_id"], AVERAGE)}
         save_checkpoint(target, identity, progress, parts)
     return str(row["model_id"])
+
+
+def check_presets_read_flow(flow: str | None, presets: Sequence[str]) -> None:
+    """Refuse to choose what measures flow for presets that read none.
+
+    Raises:
+        SettingsError: none of the presets reads the cue `flow`.
+    """
+    if flow is None or "all" in presets:
+        return
+    cues = {cue for name in presets for cue in load_preset(name).cues}
+    if "flow" not in ordered_cues(cues):
+        raise SettingsError(
+            f"--flow {flow}: preset {', '.join(presets)} reads no flow: name one that does: "
+            "--preset paper"
+        )
 
 
 def flow_assignments(

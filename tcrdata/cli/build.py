@@ -72,7 +72,7 @@ def build(
     if count > 1 and not dry_run:
         executors.start_server()
     from tcrdata.dry_runs import dry_rounds
-    from tcrdata.flow_models import flow_assignments
+    from tcrdata.flow_models import check_presets_read_flow, flow_assignments
     from tcrdata.inspection.drift import drifts
     from tcrdata.rounds import build_rounds, plan_rounds
     from tcrdata.store import open_store
@@ -84,6 +84,7 @@ def build(
     if generate:
         root = _generated(dataset, generate, root, work=not dry_run)
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
+    check_presets_read_flow(flow, listed(preset) or ())
     values |= flow_assignments(store, flow, weights, model, dry_run=dry_run)
     loop = plan_rounds(
         dataset,

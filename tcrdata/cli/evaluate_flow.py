@@ -29,7 +29,7 @@ def evaluate_flow(
     weights: str | None = None,
     model: str | None = None,
     model_store: str | None = None,
-    iterations: int = 12,
+    iterations: int = 8,
     json: Flag = False,
 ) -> int:
     """Score flow: endpoint error, outliers, and both where the cycle test holds and where it fails.

@@ -46,7 +46,7 @@ class Settings:
     method: str = "dis"
     model: str = ""
     model_store: str = ""
-    iterations: int = 12
+    iterations: int = 8
     cycle_share: float = 0.05
     cycle_slack_px: float = 0.5
     pairs_per_task: int = 8

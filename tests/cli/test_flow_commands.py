@@ -135,6 +135,8 @@ def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> N
     assert "no finished flow model 'abc'" in refused(
         *BUILD, "--store", built, "--flow", "raft", "--model", "abc"
     )
+    plain = ("build", "--dataset", "demo", "--store", built, "--flow", "dis")
+    assert "tcrdata reads no flow" in refused(*plain)
     assert "one of them" in refused("evaluate", "flow", "--store", built, "--root", ".")
     assert "no flow pair" in refused("evaluate", "flow", "--root", tmp_path)
     assert "unknown loss 'photo'" in refused("train", "flow", "--store", built, "--losses", "photo")
