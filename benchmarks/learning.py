@@ -167,7 +167,10 @@ def with_set(assignments: list[str]) -> list[str]:
 
 def tcrdata(*arguments: str) -> str:
     command = [sys.executable, "-m", "tcrdata", *arguments]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout
+    run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode:
+        raise SystemExit(f"{' '.join(command)} failed: {run.stderr}")
+    return run.stdout
 
 
 def row(*cells: str) -> None:

@@ -19,6 +19,7 @@ create table labels (
     width_m double not null,         -- across the heading
     height_m double not null,        -- along y
     yaw_rad double not null,         -- about y; heading = (cos yaw, 0, -sin yaw)
+    yaw_observable boolean,          -- false: round from above, the yaw means nothing; NULL where nobody asked
     left_px double,                  -- clipped to the image
     top_px double,                   -- clipped to the image
     right_px double,                 -- clipped to the image

@@ -17,6 +17,14 @@ create table tracklets (
     width_m double not null,         -- across the heading
     height_m double not null,        -- along y
     yaw_rad double not null,         -- about y; heading = (cos yaw, 0, -sin yaw)
+    left_px double,                  -- 2D box, clipped to the image; NULL without a camera or outside of its view
+    top_px double,                   -- clipped to the image
+    right_px double,                 -- clipped to the image
+    bottom_px double,                -- clipped to the image
+    center_u_px double,              -- projection of the 3D centre
+    center_v_px double,              -- projection of the 3D centre
+    truncated_share double,          -- share of the unclipped 2D box outside the image
+    frames_from_sighting integer not null,  -- distance to the nearest frame in which it was matched; 0 = this one
     visible_share double not null,   -- share of rays to the box that nothing stops before it
     score double,                    -- of the match, in [0, 1]; NULL out of sight
     number_of_points integer not null,  -- points in the box, without the ground

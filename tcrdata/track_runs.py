@@ -20,6 +20,8 @@ from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
 from tcrdata.tracked_rows import BOX, RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
+from tcrdata.tracklet_boxes import STAGE as BOXES
+from tcrdata.tracklet_boxes import write_boxes
 from tcrdata.tracking.library import LibrarySettings, library_of_rows
 from tcrdata.tracking.short_range import ShortRangeSettings, TrackerName, short_range
 from tcrdata.tracking.tracker import Tracker, TrackerSettings
@@ -160,7 +162,23 @@ def track(
         for outcome in _outcomes(store_url, part, entries, workers):
             progress(outcome)
             outcomes.append(outcome)
+    if plan.start == "labels":
+        for outcome in _boxes(store_url, plan, outcomes):
+            progress(outcome)
+            outcomes.append(outcome)
     return outcomes
+
+
+def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Iterator[UnitOutcome]:
+    """Let the tracklets be proposals, too: rules may take their boxes for labels."""
+    failed = {(o.unit.dataset, o.unit.sequence) for o in tracked if o.state == "failed"}
+    for key in plan.sequences:
+        if key in failed:
+            continue
+        store = open_store(store_url)
+        made = write_boxes(store, unit_of(plan, *key), library=plan.library)
+        unit = Unit(BOXES, *key, plan.round)
+        yield UnitOutcome(unit, "made" if made else "done")
 
 
 def _passes(plan: TrackPlan) -> list[tuple[bool, Start]]:
@@ -174,7 +192,8 @@ def _passes(plan: TrackPlan) -> list[tuple[bool, Start]]:
 
 def number_of_units(plan: TrackPlan) -> int:
     """Return how many units of work a tracking has."""
-    return len(_passes(plan)) * len(plan.sequences)
+    passes = len(_passes(plan)) + (plan.start == "labels")
+    return passes * len(plan.sequences)
 
 
 def _outcomes(
@@ -283,13 +302,11 @@ def _rows(
     starts = _starts(store, plan, source, unit)
     for finished in _followed(plan, source, maker, entries, starts):
         waiting[table] += maker.tracklet_rows(finished)
-        waiting["trajectories"] += maker.trajectory_rows(finished.number, over=False)
+        waiting["trajectories"] += maker.trajectory_rows(finished.number, over=finished.over)
         for name, rows in waiting.items():
             if len(rows) > _ROWS_AT_ONCE:
                 yield name, columns_of(rows)
                 rows.clear()
-    for number in maker.unfinished():
-        waiting["trajectories"] += maker.trajectory_rows(number, over=True)
     for name, rows in waiting.items():
         if rows:
             yield name, columns_of(rows)

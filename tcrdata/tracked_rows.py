@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from tcrdata.evidence.proposal_columns import box_columns
 from tcrdata.evidence.stored_flow import read_flow
 from tcrdata.evidence.world import World
 from tcrdata.geometry.transforms import level_project
@@ -58,29 +60,42 @@ class RowMaker:
     def tracklet_rows(self, finished: Finished) -> list[dict[str, Any]]:
         """Return the rows of a tracklet that are settled now."""
         path = self._paths.setdefault(finished.number, _Path())
+        seen = [s.frame for s in (path.last, *finished.rows) if s is not None and not unseen(s)]
         rows = []
         for sighting in finished.rows:
-            box = self.world.box_to_level(sighting.frame, sighting.box)
-            ids = self.proposals.get(sighting.frame, [])
-            row = {
-                "tracklet_id": f"{self.prefix}/{finished.number:05d}",
-                "frame": sighting.frame,
-                **self.constant,
-                "found": sighting.found,
-                "proposal_id": ids[sighting.candidate] if sighting.candidate >= 0 else None,
-                **dict(zip(BOX, map(float, box), strict=True)),
-                "visible_share": sighting.visible_share,
-                "score": sighting.score,
-                "number_of_points": sighting.points,
-                "passable": sighting.passable,
-                "speed_mps": self._speed(path.last, sighting),
-            }
-            if finished.object_id:
-                row["object_id"] = finished.object_id
+            row = self._row(finished, sighting, path.last)
+            apart = [abs(sighting.frame - frame) for frame in seen]
+            row["frames_from_sighting"] = min(apart, default=0)
             rows.append(row)
             path.last = sighting
-            path.rows.append(sighting)
+            if self.settings is not None:
+                path.rows.append(sighting)
         return rows
+
+    def _row(
+        self, finished: Finished, sighting: Sighting, before: Sighting | None
+    ) -> dict[str, Any]:
+        frame = self.world.frames[sighting.frame]
+        box = self.world.box_to_level(sighting.frame, sighting.box)
+        ids = self.proposals.get(sighting.frame, [])
+        placed = {name: values[0] for name, values in box_columns(box[None], frame).items()}
+        placed.pop("range_m")
+        row = {
+            "tracklet_id": f"{self.prefix}/{finished.number:05d}",
+            "frame": sighting.frame,
+            **self.constant,
+            "found": sighting.found,
+            "proposal_id": ids[sighting.candidate] if 0 <= sighting.candidate < len(ids) else None,
+            **placed,
+            "visible_share": sighting.visible_share,
+            "score": sighting.score,
+            "number_of_points": sighting.points,
+            "passable": sighting.passable,
+            "speed_mps": self._speed(before, sighting),
+        }
+        if finished.object_id:
+            row["object_id"] = finished.object_id
+        return row
 
     def _speed(self, before: Sighting | None, now: Sighting) -> float | None:
         if before is None or not self.world.timed:
@@ -110,10 +125,6 @@ class RowMaker:
         if over:
             del self._paths[number]
 
-    def unfinished(self) -> list[int]:
-        """Return the numbers of the tracklets whose rows are not all used."""
-        return list(self._paths)
-
     def _trajectory(self, number: int, rows: list[Sighting]) -> dict[str, Any]:
         boxes = np.array([row.box for row in rows])
         steps, turns, first = normalised(boxes)
@@ -140,7 +151,7 @@ class RowMaker:
     def _flow_error(self, rows: list[Sighting]) -> float | None:
         """Median over the path of how far flow is from the projected motion of the box."""
         errors = []
-        for before, now in zip(rows, rows[1:], strict=False):
+        for before, now in pairwise(rows):
             if min(before.visible_share, now.visible_share) < 0.5:
                 continue
             errors += self._step_error(before, now)
@@ -164,6 +175,11 @@ class RowMaker:
         gaps = np.linalg.norm(flow[line[kept], column[kept]] - motion, axis=1)
         gaps = gaps[np.isfinite(gaps)]
         return [float(np.median(gaps))] if len(gaps) else []
+
+
+def unseen(sighting: Sighting) -> bool:
+    """Whether a box was filled in, not matched."""
+    return sighting.score is None
 
 
 def _pixels(box: FloatArray, projection: FloatArray | None) -> FloatArray:

@@ -33,6 +33,8 @@ LAYERS = (
         "tracked_rows",
         "tracked_scenes",
         "track_runs",
+        "tracklet_boxes",
+        "track_pictures",
         "truth_starts",
         "status",
         "pictures",

@@ -7,5 +7,5 @@ set variable min_table_age_frames = 3;  -- frames: in which it was seen
 
 select p.proposal_id, p.age_frames::double as value,
        getvariable('min_table_age_frames')::double as bound,
-       case when p.source in ('table_box', 'table_round') then value >= bound end as passed
+       case when p.source = 'table' then value >= bound end as passed
 from proposals p

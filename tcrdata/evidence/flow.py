@@ -6,7 +6,6 @@ the tests are bit planes and shares. Frames without an image that can be read ha
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -17,7 +16,7 @@ from tcrdata.errors import FrameError, SettingsError
 from tcrdata.evidence import flow_cycle
 from tcrdata.evidence.chunks import chunked
 from tcrdata.evidence.flow_estimators import METHODS, Dis, Estimator, Raft
-from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
+from tcrdata.evidence.models import ModelChoice, read_model
 from tcrdata.evidence.point_rows import error_rows
 from tcrdata.evidence.stored_flow import Pair, image_pairs
 from tcrdata.store import Store
@@ -94,10 +93,8 @@ def chosen_estimator(tables: Tables | Store, settings: Settings, round: int = 1)
     if settings.method == "dis":
         return Dis()
     wanted = ModelChoice(MODEL_KIND, settings.model, settings.model_store, round)
-    row = chosen_model(tables, wanted)
-    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
-    weights = model_weights(tables, wanted, row["model_id"])
-    return Raft(row["model_id"], plain, weights, settings.iterations)
+    model = read_model(tables, wanted)
+    return Raft(model.model_id, model.plain, model.weights, settings.iterations)
 
 
 def flow_rows(

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import EvidenceError
 from tcrdata.store import Store, open_store
 from tcrdata.types import Tables
+
+if TYPE_CHECKING:
+    from tcrdata.networks.trained import Trained
 
 AVERAGE = "average"
 COLUMNS = ("model_id", "kind", "network", "labels_round", "settings", "finished")
@@ -29,6 +34,44 @@ class ModelChoice:
     model: str
     store: str
     round: int
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model as workers get it: equal ones are made into a network once.
+
+    Attributes:
+        model_id: of the model.
+        network: name of its module.
+        plain: its network's settings as JSON.
+        weights: bytes of the averaged weights.
+    """
+
+    model_id: str
+    network: str
+    plain: str
+    weights: bytes
+
+
+def read_model(tables: Tables | Store, choice: ModelChoice) -> Model:
+    """Return the model that a cue asks for, with its weights.
+
+    Raises:
+        EvidenceError: there is none, several fit, or its weights are gone.
+    """
+    row = chosen_model(tables, choice)
+    weights = model_weights(tables, choice, row["model_id"])
+    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
+    return Model(row["model_id"], row["network"], plain, weights)
+
+
+@lru_cache(maxsize=1)
+def network_of(model: Model) -> Trained:
+    """Return the network of a model; made once a worker."""
+    from tcrdata.networks.trained import trained_network
+
+    what = f"model {model.model_id}"
+    return trained_network(model.network, json.loads(model.plain), model.weights, what)
 
 
 def chosen_model(tables: Tables | Store, choice: ModelChoice) -> dict[str, Any]:

@@ -6,17 +6,15 @@ whatever its source, gets a confidence of module `objectness_3d`: the largest he
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
-from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
+from tcrdata.evidence.models import Model, ModelChoice, network_of, read_model
 from tcrdata.evidence.objectness_boxes import (
     SOURCE,
     detected_columns,
@@ -77,23 +75,6 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class Model:
-    """A model as workers get it: equal ones are made into a network once.
-
-    Attributes:
-        model_id: of the model.
-        network: name of its module.
-        plain: its network's settings as JSON.
-        weights: bytes of the averaged weights.
-    """
-
-    model_id: str
-    network: str
-    plain: str
-    weights: bytes
-
-
-@dataclass(frozen=True)
 class Known:
     """The proposals of earlier rounds in one frame.
 
@@ -128,10 +109,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
     """Yield `proposals` of source detector and `confidences` of module objectness_3d."""
     settings: Settings = cue.settings
     wanted = ModelChoice("detector", settings.model, settings.model_store, cue.round)
-    row = chosen_model(cue.tables, wanted)
-    weights = model_weights(cue.tables, wanted, row["model_id"])
-    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
-    model = Model(row["model_id"], row["network"], plain, weights)
+    model = read_model(cue.tables, wanted)
     chunks = (
         _Chunk(
             cue.dataset,
@@ -195,7 +173,7 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     from tcrdata.networks.grids import Sweep
 
     torch.set_num_threads(chunk.settings.threads)
-    trained = _network(chunk.model)
+    trained = network_of(chunk.model)
     cloud = chunk.dataset.read_points(item.frame)
     evidence = {name: decode_matching(e, len(cloud)) for name, e in item.evidence.items()}
     scale = np.float32(chunk.metric_scale)
@@ -257,12 +235,3 @@ def _confidences(frame: int, ids: list[str], values: list[float | None]) -> Colu
         "raw_value": values,
         "unit": ["probability of a centre"] * count,
     }
-
-
-@lru_cache(maxsize=1)
-def _network(model: Model) -> Any:
-    """Return the network of a model; made once a worker."""
-    from tcrdata.networks.trained import trained_network
-
-    what = f"model {model.model_id}"
-    return trained_network(model.network, json.loads(model.plain), model.weights, what)

@@ -40,23 +40,24 @@ def rays_of(xyz: Float32Array, ground: BoolArray, sensor: FloatArray) -> Rays:
 
 
 def ray_counts(
-    rays: Rays, boxes: NDArray[np.floating], margin_m: float, least_path_m: float
+    rays: Rays, boxes: NDArray[np.floating], cores: NDArray[np.floating], margin_m: float
 ) -> tuple[IntArray, IntArray]:
     """Return for each of (N, 7) level boxes how many rays end in it, and how many pass through.
 
-    A ray that ends nearer says nothing of the box, nor does one that crosses less than a least
-    path of it. One that ends on the ground behind or below has passed through.
+    Those are asked that meet the box's core; one that ends before the box says nothing of it. One
+    that ends on the ground behind the core, or below, has passed through.
 
     Args:
         rays: of the sweep.
         boxes: level frame, metres.
+        cores: (N, 7) the parts that an object surely fills, within the boxes.
         margin_m: a return this far outside of the box along its ray still is the box's.
-        least_path_m: length of the shortest way through a box that counts.
     """
     stopped = np.zeros(len(boxes), np.int64)
     passed = np.zeros(len(boxes), np.int64)
-    own = np.asarray(boxes, dtype=np.float64).reshape(-1, 7).copy()
+    own, inner = (np.array(kind, dtype=np.float64).reshape(-1, 7) for kind in (boxes, cores))
     own[:, :3] -= rays.sensor
+    inner[:, :3] -= rays.sensor
     flat = np.hypot(own[:, 0], own[:, 2])
     reach = np.hypot(own[:, 3], own[:, 4]) / 2
     # A sensor above the box's circle sees it in every direction.
@@ -65,10 +66,7 @@ def ray_counts(
     bins = np.column_stack([middle - half, middle + half]) * (_BINS / (2 * np.pi))
     first, last = np.floor(bins[:, 0]).astype(np.int64), np.floor(bins[:, 1]).astype(np.int64)
     last = np.minimum(last, first + _BINS - 1)
-    _count(
-        rays.ends, rays.ground, rays.starts, own, first, last, margin_m, least_path_m, stopped,
-        passed,
-    )  # fmt: skip
+    _count(rays.ends, rays.ground, rays.starts, own, inner, first, last, margin_m, stopped, passed)
     return stopped, passed
 
 
@@ -78,10 +76,10 @@ def _count(
     ground: BoolArray,
     starts: IntArray,
     boxes: FloatArray,
+    cores: FloatArray,
     first: IntArray,
     last: IntArray,
     margin_m: float,
-    least_path_m: float,
     stopped: IntArray,
     passed: IntArray,
 ) -> None:
@@ -89,12 +87,14 @@ def _count(
         for number in range(first[b], last[b] + 1):
             cell = number % _BINS
             for i in range(starts[cell], starts[cell + 1]):
-                length, enters, leaves = _crossing(ends[i], boxes[b])
-                if leaves - enters < least_path_m:
+                length, enters, leaves = _crossing(ends[i], cores[b])
+                if leaves < enters:
                     continue
                 if ground[i]:
                     passed[b] += length >= leaves
-                elif length > leaves + margin_m:
+                    continue
+                length, enters, leaves = _crossing(ends[i], boxes[b])
+                if length > leaves + margin_m:
                     passed[b] += 1
                 elif length >= enters - margin_m:
                     stopped[b] += 1

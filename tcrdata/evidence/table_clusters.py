@@ -1,10 +1,10 @@
 """What stands on a table before a static depth camera: connected surfaces, followed and completed.
 
 Depth is averaged over neighbouring frames, the table's plane found, and what rises above it cut
-into connected regions. Each region is a row twice: as a box (source table_box, the smallest
-rectangle from above) and as what is round from above (source table_round, a square along the line
-of sight, whose yaw means nothing). Which of the two it is is for a rule to say, by how much of the
-rectangle its points fill.
+into connected regions. Each region is a row twice: as a box (fit min_area, the smallest rectangle
+from above) and as what is round from above (fit round, a square along the line of sight, whose yaw
+means nothing). Which of the two it is is for a rule to say, by how much of the rectangle its points
+fill.
 """
 
 from __future__ import annotations
@@ -29,14 +29,16 @@ from tcrdata.evidence.point_rows import error_rows
 from tcrdata.evidence.proposal_columns import Columns, box_columns, key_columns, merged
 from tcrdata.evidence.table_regions import Region, RegionSettings, cut_regions
 from tcrdata.evidence.table_tracks import TrackedRegion, TrackSettings, follow
-from tcrdata.evidence.track_rows import overlapped_shares
 from tcrdata.types import CueInput, Dataset, Float32Array, FloatArray, Frame, PointCloud, Rows
 
 NEEDS: tuple[str, ...] = ()
 GIVES: tuple[str, ...] = ("proposals", "confidences")
 NEEDS_IMAGES: bool = False
 
-_FITS = {"table_box": "min_area", "table_round": "round"}
+SURE_POINTS = 500
+"""Points of a track, in the median, with which it is as sure as can be: scales a confidence."""
+
+_FITS = ("min_area", "round")
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class _Shot:
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
-    """Yield `proposals` of sources table_box and table_round, and their `confidences`.
+    """Yield `proposals` of source table, and their `confidences`.
 
     A sequence of LiDAR sweeps, or without a camera, gives no rows.
     """
@@ -94,8 +96,8 @@ def run(cue: CueInput) -> Iterator[Rows]:
     for entry in tracked:
         by_frame.setdefault(entry.region.frame, []).append(entry)
     for frame in cue.frames:
-        for source in _FITS if frame.frame in by_frame else ():
-            rows = _columns(cue, frame, source, by_frame[frame.frame])
+        for fit in _FITS if frame.frame in by_frame else ():
+            rows = _columns(cue, frame, fit, by_frame[frame.frame])
             yield Rows("proposals", rows)
             yield Rows("confidences", _confidences(rows))
 
@@ -164,15 +166,12 @@ def _shot(dataset: Dataset, frame: Frame) -> _Shot | str:
     return _Shot(depth, numbers)
 
 
-def _columns(cue: CueInput, frame: Frame, source: str, entries: list[TrackedRegion]) -> Columns:
-    """Return a frame's rows of one source."""
-    boxes = np.array([e.box if source == "table_box" else e.disc for e in entries])
+def _columns(cue: CueInput, frame: Frame, fit: str, entries: list[TrackedRegion]) -> Columns:
+    """Return a frame's rows of one fit."""
+    boxes = np.array([e.disc if fit == "round" else e.box for e in entries])
     base = f"{cue.info.dataset}/{cue.info.sequence}/table"
-    ranks = np.array([e.points * (1.0 - e.region.hidden_share) for e in entries])
     return merged(
-        key_columns(
-            frame, source, _FITS[source], range(len(entries)), cue.info.metric_scale, cue.round
-        ),
+        key_columns(frame, "table", fit, range(len(entries)), cue.info.metric_scale, cue.round),
         box_columns(boxes, frame),
         _seen_in_image(entries, boxes, frame),
         {
@@ -182,13 +181,13 @@ def _columns(cue: CueInput, frame: Frame, source: str, entries: list[TrackedRegi
             "bottom_above_ground_m": [e.region.heights_m[0] for e in entries],
             "top_above_ground_m": [e.region.heights_m[1] for e in entries],
             "occluded_share": [e.region.hidden_share for e in entries],
+            "yaw_observable": [fit != "round"] * len(entries),
             "fill_share": [e.region.fill_share for e in entries],
             "age_frames": [e.age_frames for e in entries],
             "span_frames": [e.span_frames for e in entries],
             "track_points": [e.points for e in entries],
             "track_fill_share": [e.fill_share for e in entries],
             "frames_from_observation": [0] * len(entries),
-            "overlapped_share": overlapped_shares(boxes, ranks),
         },
     )
 
@@ -211,14 +210,18 @@ def _seen_in_image(entries: list[TrackedRegion], boxes: FloatArray, frame: Frame
 
 
 def _confidences(rows: Columns) -> Columns:
-    """Return the rows of module `outline`: the share of the outline that nothing nearer hides."""
+    """Return the rows of module `outline`: how much of an outline is seen, by how many points.
+
+    1 with as many points as there need be for a sure outline, none of it hidden.
+    """
     count = len(rows["proposal_id"])
+    shown = np.minimum(np.array(rows["track_points"]) / SURE_POINTS, 1.0)
     return {
         "proposal_id": rows["proposal_id"],
         "frame": rows["frame"],
         "source": rows["source"],
         "module": ["outline"] * count,
-        "confidence": [1.0 - share for share in rows["occluded_share"]],
+        "confidence": (shown * (1.0 - np.array(rows["occluded_share"]))).tolist(),
         "raw_value": rows["occluded_share"],
         "unit": ["share of the outline hidden"] * count,
     }

@@ -37,7 +37,7 @@ class RegionSettings:
 
     above_m: float = 0.15
     gap_m: float = 0.43
-    least_pixels: int = 12
+    least_pixels: int = 7
     front_m: float = 0.4
     trim_share: float = 0.02
 

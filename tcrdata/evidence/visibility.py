@@ -41,15 +41,16 @@ class Settings:
     """Which rays are asked; metres are multiplied by the sequence's metric scale.
 
     Attributes:
-        base_m: the lowest part of a box is left out: beneath a body rays may pass.
+        core_share: of a box's length, width and height: rays are asked that meet the middle part,
+            which an object surely fills.
+        base_m: the lowest part of a box is no core, up to half of it: rays pass beneath a body.
         margin_m: a return this far outside of the box along its ray still is the box's.
-        least_path_m: rays that cross less of the box say nothing of it.
         chunk_frames: frames an item of work.
     """
 
+    core_share: float = 0.6
     base_m: float = 0.3
     margin_m: float = 0.3
-    least_path_m: float = 0.3
     chunk_frames: int = 16
 
 
@@ -144,15 +145,23 @@ def _visibility(chunk: _Chunk, item: _Item, ground: EncodedPoints) -> Columns:
     xyz = chunk.dataset.read_points(item.frame).xyz
     T = sensor_grid(item.frame, chunk.sensor, LidarCells()).sensor_T_level.astype(np.float64)
     rays = rays_of(xyz, decode_matching(ground, len(xyz)), -T[:, :3].T @ T[:, 3])
-    boxes = item.boxes.copy()
-    # y points down: the upper part of a box has the smaller y.
-    base = np.minimum(own.base_m * scale, boxes[:, 5] / 2)
-    boxes[:, 1] -= base / 2
-    boxes[:, 5] -= base
-    stopped, passed = ray_counts(rays, boxes, own.margin_m * scale, own.least_path_m * scale)
+    cores = _cores(item.boxes, own.core_share, own.base_m * scale)
+    stopped, passed = ray_counts(rays, item.boxes, cores, own.margin_m * scale)
     reached = (stopped + passed).tolist()
     shares = [s / r if r else None for s, r in zip(stopped.tolist(), reached, strict=True)]
     return _columns(item, range(len(item.ids)), MODULE, shares, list(map(float, reached)), "rays")
+
+
+def _cores(boxes: FloatArray, share: float, base_m: float) -> FloatArray:
+    """Return the middle parts of (N, 7) boxes without what lies low."""
+    cores = boxes.copy()
+    cores[:, 3:6] *= share
+    low = np.minimum(base_m, boxes[:, 5] / 2)
+    # y points down: a core ends above its box's low part.
+    too_low = np.maximum(low - (boxes[:, 5] - cores[:, 5]) / 2, 0.0)
+    cores[:, 1] -= too_low / 2
+    cores[:, 5] -= too_low
+    return cores
 
 
 def _free_space(item: _Item, speaking: frozenset[str]) -> Columns | None:

@@ -186,6 +186,11 @@ class Hypotheses:
         """Return (K, 3) where the paths are after some steps."""
         return np.asarray(self._paths[:, steps - 1])
 
+    def likeliest(self, count: int) -> list[int]:
+        """Return the paths with the largest mean p, less what their first motion differs."""
+        worth = self.passable - self._cost
+        return [int(path) for path in np.argsort(-worth, kind="stable")[:count]]
+
     def best(self, prior: FloatArray | float = 0.0) -> int:
         """Return the path with the largest mean p, less what its first motion differs."""
         return int(np.argmax(self.passable - self._cost - prior))

@@ -28,7 +28,8 @@ class CorrelationSettings:
         reach_m: the search goes this far from the prediction, along either axis.
         yaw_rad: the turns that are tried lie this far apart.
         fade: share of a template that an update keeps.
-        away_cost: what a pose at the edge of the search loses, in shares of a perfect match.
+        away_cost: what a pose at the edge of the search loses, in shares of a perfect match: within
+            a voxel a template hardly tells poses apart, and what stands must not creep.
     """
 
     voxel_m: float = 0.15
@@ -36,7 +37,7 @@ class CorrelationSettings:
     most_points: int = 400
     reach_m: float = 0.6
     yaw_rad: float = 0.07
-    fade: float = 0.9
+    fade: float = 0.95
     away_cost: float = 0.05
 
     def scaled(self, metric_scale: float) -> CorrelationSettings:
@@ -58,7 +59,7 @@ class Template:
 
     Attributes:
         raw: (U, V, W, C) float32, features summed into voxels along length, down, and width.
-        volume: the same, smoothed and scaled so that a voxel of the surface has length 1 at most.
+        volume: the same, smoothed and scaled: its own points score 1 in the mean.
         low: (3,) the volume's corner in the object's axes, metres.
         voxel_m: side of a voxel.
         points: points of the object in the frame that was seen last.
@@ -77,7 +78,7 @@ class Pose:
 
     Attributes:
         box: (7,), moved and turned.
-        score: mean of the correlation over the points in the box, at most 1.
+        score: mean of the correlation over the points in the box; 1 is as good as the own ones.
         points: how many these are.
     """
 
@@ -96,9 +97,10 @@ def make_template(
         return None
     shape = tuple(np.maximum(np.ceil(2 * half / settings.voxel_m).astype(int), 3))
     raw = np.zeros((*shape, features.shape[1]), np.float32)
-    _splat(raw, local.astype(np.float32), features[inside], (-half).astype(np.float32),
+    chosen = np.ascontiguousarray(features[inside])
+    _splat(raw, local.astype(np.float32), chosen, -half.astype(np.float32),
            np.float32(1 / settings.voxel_m))  # fmt: skip
-    return Template(raw, _smoothed(raw), -half, settings.voxel_m, len(inside))
+    return _template(raw, local, chosen, -half, settings.voxel_m)
 
 
 def updated(
@@ -113,9 +115,10 @@ def updated(
     if not len(inside):
         return template
     raw = template.raw * np.float32(settings.fade)
-    _splat(raw, local.astype(np.float32), features[inside], template.low.astype(np.float32),
+    chosen = np.ascontiguousarray(features[inside])
+    _splat(raw, local.astype(np.float32), chosen, template.low.astype(np.float32),
            np.float32(1 / template.voxel_m))  # fmt: skip
-    return Template(raw, _smoothed(raw), template.low, template.voxel_m, len(inside))
+    return _template(raw, local, chosen, template.low, template.voxel_m)
 
 
 def correlate(
@@ -127,7 +130,7 @@ def correlate(
 ) -> Pose | None:
     """Return where a template fits best around a predicted (7,) box; None without points there.
 
-    Coarse steps of a voxel over the ground, up and down, then turns, then steps of a third.
+    Coarse steps of a voxel over the ground, up and down, then turns, then steps of a third and of a ninth.
     """
     reach = settings.reach_m
     half = box[[3, 5, 4]] / 2
@@ -143,7 +146,7 @@ def correlate(
         template.low.astype(np.float32),
         np.float32(1 / template.voxel_m),
     )
-    cost = settings.away_cost * max(template.points / stride, 1.0) / reach**2
+    cost = settings.away_cost * len(chosen) / reach
     best = np.zeros(4)
     v, yaw = template.voxel_m, settings.yaw_rad
     steps = np.arange(-int(reach / v), int(reach / v) + 1) * v
@@ -151,10 +154,11 @@ def correlate(
         _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
         _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
         _grid(*[np.arange(-2, 3) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
+        _grid(*[np.arange(-2, 3) * v / 9] * 3, np.zeros(1)),
     ):
         tried = best + offsets
         scores = _correlations(*args, tried.astype(np.float32))
-        scores = scores - cost * (tried[:, :3] ** 2).sum(axis=1)
+        scores = scores - cost * np.abs(tried[:, :3]).sum(axis=1)
         best = tried[int(np.argmax(scores))]
     moved = _moved(box, best)
     there, at = _near(moved, points, half)
@@ -196,14 +200,20 @@ def _grid(*axes: FloatArray) -> FloatArray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
 
 
-def _smoothed(raw: Float32Array) -> Float32Array:
-    """Blur by a voxel and scale: dense voxels must not outweigh sparse ones."""
-    blurred = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant")
-    length = np.linalg.norm(blurred, axis=-1, keepdims=True)
-    filled = length[length > 0]
-    typical = float(np.quantile(filled, 0.8)) if len(filled) else 1.0
-    scale = np.where(length > 0, np.minimum(length / typical, 1.0) / np.maximum(length, 1e-9), 0.0)
-    return np.ascontiguousarray(blurred * scale, dtype=np.float32)
+def _template(
+    raw: Float32Array, local: FloatArray, features: Float32Array, low: FloatArray, voxel_m: float
+) -> Template:
+    """Blur by a voxel, and scale so that the points that it was made of score 1 in the mean.
+
+    The blur is symmetric and nothing is clipped: a template fits its own points best where they
+    are, not beside.
+    """
+    volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant")
+    args = (local.astype(np.float32), features, volume, low.astype(np.float32),
+            np.float32(1 / voxel_m))  # fmt: skip
+    own = float(_correlations(*args, np.zeros((1, 4), np.float32))[0]) / len(local)
+    volume = np.ascontiguousarray(volume / np.float32(max(own, 1e-9)))
+    return Template(raw, volume, low, voxel_m, len(local))
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -214,13 +224,22 @@ def _splat(
     low: Float32Array,
     inverse: float,
 ) -> None:
+    """Add features to the eight voxels around each point, by their nearness."""
     for i in range(len(local)):
-        u = int((local[i, 0] - low[0]) * inverse)
-        v = int((local[i, 1] - low[1]) * inverse)
-        w = int((local[i, 2] - low[2]) * inverse)
-        if 0 <= u < raw.shape[0] and 0 <= v < raw.shape[1] and 0 <= w < raw.shape[2]:
+        a = (local[i, 0] - low[0]) * inverse - 0.5
+        b = (local[i, 1] - low[1]) * inverse - 0.5
+        d = (local[i, 2] - low[2]) * inverse - 0.5
+        u, v, w = int(np.floor(a)), int(np.floor(b)), int(np.floor(d))
+        if u < 0 or v < 0 or w < 0:
+            continue
+        if u + 1 >= raw.shape[0] or v + 1 >= raw.shape[1] or w + 1 >= raw.shape[2]:
+            continue
+        fu, fv, fw = a - u, b - v, d - w
+        for k in range(8):
+            i0, i1, i2 = k & 1, (k >> 1) & 1, k >> 2
+            weight = (fu if i0 else 1 - fu) * (fv if i1 else 1 - fv) * (fw if i2 else 1 - fw)
             for c in range(raw.shape[3]):
-                raw[u, v, w, c] += features[i, c]
+                raw[u + i0, v + i1, w + i2, c] += weight * features[i, c]
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

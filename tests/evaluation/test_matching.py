@@ -13,6 +13,7 @@ from tcrdata.evaluation.overlap import bev_overlap, covered_share, image_overlap
 
 UNKNOWN = np.full((1, 3, 3), np.nan)
 YES = np.array([True])
+NO_SIZE = np.full((1, 3), np.nan)
 
 
 def car(x: float, z: float, yaw: float = 0.0) -> np.ndarray:
@@ -37,16 +38,16 @@ def test_nothing_to_match() -> None:
 
 
 def test_shifted_and_turned_footprints() -> None:
-    shifted = bev_overlap(car(1.0, 10.0), car(0.0, 10.0), UNKNOWN, YES)
+    shifted = bev_overlap(car(1.0, 10.0), car(0.0, 10.0), UNKNOWN, NO_SIZE, YES)
     assert shifted[0, 0] == pytest.approx(3 / 5)
-    turned = bev_overlap(car(0.0, 10.0, math.pi / 2), car(0.0, 10.0), UNKNOWN, YES)
+    turned = bev_overlap(car(0.0, 10.0, math.pi / 2), car(0.0, 10.0), UNKNOWN, NO_SIZE, YES)
     assert turned[0, 0] == pytest.approx(4 / 12)
 
 
 def test_round_objects_have_no_yaw() -> None:
     ball = np.array([[0.0, 0.0, 5.0, 1.0, 1.0, 1.0, 0.0]])
     label = np.array([[0.1 * math.cos(0.7), 0.0, 5.0 - 0.1 * math.sin(0.7), 1.0, 1.0, 1.0, 0.7]])
-    iou = bev_overlap(label, ball, UNKNOWN, np.array([False]))
+    iou = bev_overlap(label, ball, UNKNOWN, NO_SIZE, np.array([False]))
     assert iou[0, 0] == pytest.approx(0.9 / 1.1)
 
 
@@ -56,8 +57,8 @@ def test_tilted_objects_have_the_shadow_of_their_corners() -> None:
     rotation = np.array([[[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]])
     cube = np.array([[0.0, 0.0, 5.0, 2.0, 2.0, 2.0, 0.0]])
     label = np.array([[0.0, 0.0, 5.0, 2 * math.sqrt(2), 2.0, 2.0, 0.0]])
-    assert bev_overlap(label, cube, rotation, YES)[0, 0] == pytest.approx(1.0)
-    assert bev_overlap(cube, cube, rotation, YES)[0, 0] == pytest.approx(math.sqrt(0.5))
+    assert bev_overlap(label, cube, rotation, NO_SIZE, YES)[0, 0] == pytest.approx(1.0)
+    assert bev_overlap(cube, cube, rotation, NO_SIZE, YES)[0, 0] == pytest.approx(math.sqrt(0.5))
 
 
 def test_boxes_in_the_image() -> None:

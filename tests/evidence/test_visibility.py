@@ -26,7 +26,8 @@ def counted(
     flags = np.zeros(len(ends), dtype=bool)
     flags[ground or []] = True
     rays = rays_of(np.array(ends, dtype=np.float32), flags, CENTRE)
-    stopped, passed = ray_counts(rays, np.array([box]), 0.2, 0.3)
+    core = [*box[:3], box[3] / 2, box[4] / 2, box[5] / 2, box[6]]
+    stopped, passed = ray_counts(rays, np.array([box]), np.array([core]), 0.2)
     return int(stopped[0]), int(passed[0])
 
 
@@ -44,13 +45,14 @@ def test_a_ray_ends_in_a_box_or_passes_or_says_nothing(side: float) -> None:
 
 def test_rays_that_end_on_the_ground_have_passed_through_what_is_above_it() -> None:
     box = [0.0, 0.0, 10.0, 4.0, 2.0, 2.0, 0.0]
-    assert counted([[0.0, 1.2, 12.0]], box, ground=[0]) == (0, 1)
-    assert counted([[0.0, 0.9, 9.5]], box, ground=[0]) == (0, 0)
+    assert counted([[0.0, 0.5, 11.0]], box, ground=[0]) == (0, 1)
+    assert counted([[0.0, 0.4, 9.9]], box, ground=[0]) == (0, 0)
 
 
 def test_a_ray_that_grazes_a_corner_says_nothing() -> None:
     box = [0.0, 0.0, 10.0, 2.0, 2.0, 2.0, np.pi / 4]
-    assert counted([[3.0 * 1.35, 0.0, 30.0]], box) == (0, 0)
+    assert counted([[3.0 * 1.0, 0.0, 30.0]], box) == (0, 0)
+    assert counted([[3.0 * 0.5, 0.0, 30.0]], box) == (0, 1)
 
 
 def test_counts_are_those_of_plain_geometry_over_all_rays() -> None:
@@ -60,7 +62,8 @@ def test_counts_are_those_of_plain_geometry_over_all_rays() -> None:
     boxes = np.column_stack(
         [rng.uniform(-12, 12, (6, 3)), rng.uniform(2, 6, (6, 3)), rng.uniform(-3, 3, 6)]
     )
-    stopped, passed = ray_counts(rays_of(xyz, np.zeros(3000, bool), sensor), boxes, 0.0, 0.0)
+    rays = rays_of(xyz, np.zeros(3000, bool), sensor)
+    stopped, passed = ray_counts(rays, boxes, boxes, 0.0)
     way = np.linalg.norm(xyz - sensor, axis=1, keepdims=True)
     for number, box in enumerate(boxes):
         c, s = np.cos(box[6]), np.sin(box[6])

@@ -6,6 +6,7 @@ import hashlib
 import json
 import multiprocessing
 import os
+import re
 import socket
 import struct
 import sys
@@ -20,6 +21,7 @@ from tcrdata.learning import training
 from tcrdata.learning.checkpoints import model_rows
 from tcrdata.learning.learner import Learner
 from tcrdata.learning.runs import plan_recipe, run_training
+from tcrdata.settings import read_toml
 from tcrdata.store import Store, open_store
 
 CONFIG = """
@@ -60,6 +62,16 @@ def test_settings_come_from_a_file_and_words_win_over_it(world: Store, tmp_path:
     assert settings["network"]["head_width"] == 4
     assert settings["augmentation"]["enabled"] is False
     assert settings["query"] == {"near_m": "4.0"}
+
+
+def test_the_readmes_file_of_settings_is_one(repository: Path, tmp_path: Path) -> None:
+    readme = (repository / "README.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"```toml\n(.*?)```", readme, flags=re.DOTALL)
+    file = tmp_path / "train.toml"
+    file.write_text(text)
+    recipe = plan_recipe("detector", read_toml(str(file)))
+    assert recipe.loop.steps == 800
+    assert set(recipe.parameters) <= set(re.findall(r"set variable (\w+)", recipe.query.text))
 
 
 @pytest.mark.parametrize(

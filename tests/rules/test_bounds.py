@@ -20,6 +20,7 @@ COUNTERPARTS = {
     "min_points": [
         ("regions_free_space", "minimum_points", BELOW),
         ("regions_paper", "smallest_points", BELOW),
+        ("table_clusters", "regions.least_pixels", BELOW),
     ],
     "min_points_extended": [("tracks", "fill_points", BELOW)],
     "max_frames_from_observation": [("tracks", "extend_frames", ABOVE)],
@@ -51,8 +52,9 @@ UNGATED = {
     "min_edge_share", "max_detected_core_share", "min_detected_points", "min_steady_share",
     "min_steady_length_m", "min_visible_share", "min_product", "exceedingly_sure",
     "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m",
-    "min_static_age_frames", "min_static_width_m",
+    "min_box_fill_share", "min_static_age_frames", "min_static_width_m", "min_table_age_frames",
     "min_straightness", "min_straightness_long", "taken_fit", "taken_source",
+    "min_match", "min_hidden_passable",
 }  # fmt: skip
 """Rule parameters whose column is measured on every candidate, whatever its value."""
 
