@@ -3,18 +3,22 @@
 PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.ready
+WARM := .venv/.warm
 DEMO ?= demo-out
 
-.PHONY: setup demo test fix clean
+.PHONY: setup demo test lint types fix clean
 .DELETE_ON_ERROR:
 
-setup: $(STAMP)
+setup: $(STAMP) $(WARM)
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
-	$(BIN)/python -m tcrdata warm
 	@touch $(STAMP)
+
+$(WARM): $(STAMP)
+	$(BIN)/python -m tcrdata warm
+	@touch $(WARM)
 
 demo: setup
 	$(BIN)/tcrdata build --dataset demo --store $(DEMO)/store
@@ -23,11 +27,17 @@ demo: setup
 	@echo "pictures: $(DEMO)/pictures   store: $(DEMO)/store"
 	@echo "next: $(BIN)/tcrdata sql \"select source, count(*) from proposals group by all\" --store $(DEMO)/store"
 
-test: setup
+# The kernels compile while the types are checked.
+test: $(STAMP)
+	$(MAKE) --jobs 2 lint types $(WARM)
+	$(BIN)/python -m pytest -n 2
+
+lint: $(STAMP)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: $(STAMP)
 	$(BIN)/mypy
-	$(BIN)/python -m pytest -n 2
 
 fix: setup
 	$(BIN)/ruff check --fix .

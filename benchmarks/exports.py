@@ -139,8 +139,8 @@ def measure(folder: Path, format_name: str) -> None:
     from tcrdata.exporters.labels import ExportOptions
     from tcrdata.store import open_store
 
-    out = folder / f"out_{format_name}"
-    shutil.rmtree(out, ignore_errors=True)
+    # A folder of its own for each run: ext4 makes files slowly just after others were removed.
+    out = Path(tempfile.mkdtemp(prefix=f"out_{format_name}_", dir=folder))
     start, cpu = time.perf_counter(), time.process_time()
     store = open_store(str(folder / "store"))
     exporter = registry.find("exporters", format_name)
@@ -156,7 +156,6 @@ def measure(folder: Path, format_name: str) -> None:
         "files": card.files,
     }
     sys.stdout.write(json.dumps(result) + "\n")
-    shutil.rmtree(out)
 
 
 def main() -> None:
@@ -185,6 +184,8 @@ def main() -> None:
             rows.append([format_name, *best.values()])
         columns = ("format", "seconds", "CPU seconds", "peak MB", "labels", "files")
         console.print_table(f"{arguments.labels:,} labels", columns, rows)
+        for out in folder.glob("out_*"):
+            shutil.rmtree(out)
 
 
 if __name__ == "__main__":

@@ -1,123 +1,90 @@
-"""Frames a second of the loader beside npz files, and seconds an iteration of the detectors.
+"""Our detector beside the released one: time an iteration, memory, scores in equal time.
 
-Run: python benchmarks/learning.py --store STORE [--selection NAME]
+Run: python benchmarks/learning.py --store STORE
+     python benchmarks/learning.py --store STORE --seconds 100 --root LATER --frames 100-124
+
+An iteration is forward, loss and backward on one thread, by the processor's clock, since others may
+be at work. The released grid has 256 x 256 cells of 0.125 m from above, 16 layers high. With --root
+both are trained for the same processor time on the labels of STORE and then detect alone, without
+any cue of motion, on frames that they were not trained on.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
+import shutil
+import subprocess
+import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
+import psutil
 import torch
-from torch.utils.data import DataLoader
 
 from tcrdata import registry
-from tcrdata.learning.frames import Frames, open_frames
-from tcrdata.learning.stream import FrameStream
+from tcrdata.cli.selected import selected
+from tcrdata.evaluation.protocol import Settings
+from tcrdata.evaluation.scoring import evaluate
 from tcrdata.networks.losses import detection_losses
 from tcrdata.store import open_store
 
-QUERY = """
--- reads: image, points
-select f.dataset, f.sequence, f.frame, list({'box': [x_m, y_m, z_m], 'state': state}) as labels
-from frames f join labels l using (dataset, sequence, frame)
-group by all order by all
-"""
-PASSES, WORKERS, BATCH, ITERATIONS = 3, 2, 1, 4
-
-
-class NpzFiles:
-    """One compressed file a frame, as the released code keeps them."""
-
-    def __init__(self, paths: list[Path]) -> None:
-        self.paths = paths
-
-    def __len__(self) -> int:
-        return len(self.paths) * PASSES
-
-    def __getitem__(self, number: int) -> dict[str, Any]:
-        with np.load(self.paths[number % len(self.paths)]) as file:
-            return {name: file[name] for name in file.files}
+NETWORKS = ("birds_eye", "release_birds_eye")
+GROUND = {"lateral_m": 16.0, "far_m": 32.0}
+ITERATIONS, BATCH, WARM_STEPS = 6, 4, 4
+SAMPLE_EVERY_S = 0.1
 
 
 def main() -> None:
-    """Print each measurement as one line."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--store", required=True)
-    arguments = parser.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--store", required=True, help="a store with labels")
+    parser.add_argument("--selection", default="tcrdata")
+    parser.add_argument("--seconds", type=float, default=100.0, help="of each training")
+    parser.add_argument("--dataset", default="kitti")
+    parser.add_argument("--root", help="of the frames to detect on; none: no training is compared")
+    parser.add_argument("--frames", default="all")
+    asked = parser.parse_args()
     torch.set_num_threads(1)
-    loading(arguments.store)
-    iterating()
+    print(f"load {os.getloadavg()[0]:.1f}\n")
+    iterations()
+    peak = training_mb(asked.store, asked.selection)
+    print(f"\npeak memory of `tcrdata train detector` and its loader: {peak:,.0f} MB")
+    if asked.root:
+        equal_time(asked)
 
 
-def loading(url: str) -> None:
-    """Images, points and labels from the store and from npz files, with two processes."""
-    frames = open_frames(open_store(url), QUERY)
-    with tempfile.TemporaryDirectory() as folder:
-        paths = [as_npz(frames, number, Path(folder)) for number in range(len(frames))]
-        size = sum(path.stat().st_size for path in paths) / len(paths)
-        npz = rate(lambda: DataLoader(NpzFiles(paths), batch_size=None, num_workers=WORKERS))
-        own = rate(lambda: loader_of(frames))
-    say(f"loader, {WORKERS} processes: image, points, labels", f"{own:.1f} frames/s")
-    say(f"  npz files of {size / 1e6:.1f} MB", f"{npz:.1f} frames/s")
+def iterations() -> None:
+    """Seconds an iteration of one frame on the ground that the released code covers."""
+    ours, released = (registry.find("networks", name) for name in NETWORKS)
+    cases = {
+        "ours, its own cells": (ours, ours.Settings(**GROUND)),
+        "ours, the released cells": (ours, ours.Settings(**GROUND, cell_m=0.125, slices=16)),
+        "released": (released, released.Settings()),
+    }
+    row("network", "cells", "parameters", "s an iteration", "released / this")
+    row(*["---"] * 5)
+    # In turns, so that all meet the same load.
+    times = {name: float("inf") for name in cases}
+    for _ in range(2):
+        for name, (module, settings) in cases.items():
+            times[name] = min(times[name], iteration_s(module, settings, 1))
+    for name, (module, settings) in cases.items():
+        region, network = settings.region, module.make_network(settings)
+        size = sum(parameter.numel() for parameter in network.parameters())
+        ratio = times["released"] / times[name]
+        cells = f"{region.rows} x {region.columns}"
+        row(name, cells, f"{size:,}", f"{times[name]:.3f}", f"{ratio:.1f}")
 
 
-def loader_of(frames: Frames) -> DataLoader[dict[str, Any]]:
-    stream = FrameStream(frames, epochs=PASSES, transform=plain)
-    return DataLoader(stream, batch_size=None, num_workers=WORKERS)
-
-
-def plain(sample: dict[str, Any], _: np.random.Generator) -> dict[str, Any]:
-    """Leave out what is no array."""
-    boxes = np.array([label["box"] for label in sample["labels"]])
-    return {"image": sample["image"].copy(), "points": sample["points"].copy(), "boxes": boxes}
-
-
-def as_npz(frames: Frames, number: int, folder: Path) -> Path:
-    path = folder / f"{number}.npz"
-    sample = plain(frames[number], np.random.default_rng(0))
-    np.savez_compressed(path, **sample)
-    return path
-
-
-def rate(make: Callable[[], DataLoader[dict[str, Any]]]) -> float:
-    """Frames a second, the start of the processes aside; the better of two."""
-    return max(_rate(iter(make())) for _ in range(2))
-
-
-def _rate(samples: Iterator[dict[str, Any]]) -> float:
-    for _ in range(4):
-        next(samples)
-    started, count = time.perf_counter(), 0
-    for _ in samples:
-        count += 1
-    return count / (time.perf_counter() - started)
-
-
-def iterating() -> None:
-    """Forward, loss and backward on the ground that the released code covers, one thread."""
-    release = registry.find("networks", "release_birds_eye")
-    times = {}
-    for name, settings in (
-        ("birds_eye", registry.find("networks", "birds_eye").Settings(lateral_m=16.0, far_m=32.0)),
-        ("release_birds_eye", release.Settings()),
-    ):
-        times[name] = iteration(registry.find("networks", name), settings)
-        say(f"an iteration of {name}, 32 x 32 m, batch {BATCH}", f"{times[name]:.3f} s")
-    say("  ratio", f"{times['release_birds_eye'] / times['birds_eye']:.1f}")
-
-
-def iteration(module: Any, settings: Any) -> float:
-    """Best seconds of an iteration, by the processor's clock: others may be at work."""
+def iteration_s(module: Any, settings: Any, batch: int) -> float:
+    """Least processor seconds of an iteration."""
     network = module.make_network(settings).to(memory_format=torch.channels_last)
-    layers = network.stem[0][0].in_channels if module.__name__.endswith(".birds_eye") else 16
+    layers = next(network.parameters()).shape[1]
     region = settings.region
-    image = torch.rand(BATCH, layers, region.rows, region.columns)
+    image = torch.rand(batch, layers, region.rows, region.columns)
     image = image.contiguous(memory_format=torch.channels_last)
     targets = {name: torch.zeros_like(o) for name, o in network(image).items()}
     cells = torch.ones_like(targets["center"])
@@ -134,9 +101,80 @@ def iteration(module: Any, settings: Any) -> float:
     return best
 
 
-def say(what: str, value: str) -> None:
-    """Print one measurement."""
-    print(f"{what:<60} {value}", flush=True)
+def training_mb(store: str, selection: str) -> float:
+    """Peak memory of a training of default size, the loader's processes included."""
+    with tempfile.TemporaryDirectory() as folder:
+        own = copied(store, Path(folder))
+        words = ["train", "detector", "--store", own, "--selection", selection]
+        words += ["--set", "steps=8", "--set", "checkpoint_steps=4"]
+        process = subprocess.Popen([sys.executable, "-m", "tcrdata", *words])
+        peak = 0.0
+        while process.poll() is None:
+            peak = max(peak, tree_mb(process.pid))
+            time.sleep(SAMPLE_EVERY_S)
+        if process.returncode:
+            raise SystemExit(f"the training failed with {process.returncode}")
+        return peak
+
+
+def tree_mb(pid: int) -> float:
+    """Memory of a process and all below it; pages that several share count once."""
+    try:
+        root = psutil.Process(pid)
+        family = (root, *root.children(recursive=True))
+        return float(sum(process.memory_full_info().pss for process in family)) / 1e6
+    except psutil.Error:
+        return 0.0  # one ended while it was asked
+
+
+def equal_time(asked: argparse.Namespace) -> None:
+    """Train both for the same time and print what each detects on other frames."""
+    print(f"\n{asked.seconds:g} s of training each, detections alone on frames {asked.frames}:\n")
+    row("network", "steps", "AP per frame, all, bird's-eye, .3", ".5", ".7")
+    row(*["---"] * 5)
+    with tempfile.TemporaryDirectory() as folder:
+        own, later = copied(asked.store, Path(folder)), str(Path(folder) / "later")
+        for name in NETWORKS:
+            module = registry.find("networks", name)
+            steps = int(asked.seconds / iteration_s(module, module.Settings(), BATCH))
+            sets = [f"network={name}", f"steps={steps}", f"batch={BATCH}"]
+            words = ["train", "detector", "--store", own, "--selection", asked.selection, "--json"]
+            model = json.loads(tcrdata(*words, *with_set(sets)))["model_id"]
+            sets = [f"objectness3d.model={model}", f"objectness3d.model_store={own}"]
+            frames = ["--root", asked.root, "--frames", asked.frames, "--store", later]
+            words = ["build", "--dataset", asked.dataset, *frames, "--preset", "detector"]
+            tcrdata(*words, *with_set(sets))
+            row(name, str(steps), *(f"{ap:.2f}" for ap in ap_of(later)))
+
+
+def ap_of(store: str) -> list[float]:
+    """AP per frame over all objects, from above, at IoU .3, .5 and .7."""
+    opened = open_store(store)
+    result = evaluate(opened, selected(opened, None), Settings())
+    found = result.find("all", "bev", "ap_per_frame")
+    return [found[iou].value or 0.0 for iou in (0.3, 0.5, 0.7)]
+
+
+def copied(store: str, folder: Path) -> str:
+    """A copy of a store, so that no model lands in the user's."""
+    shutil.copytree(store, folder / "store", dirs_exist_ok=True)
+    return str(folder / "store")
+
+
+def with_set(assignments: list[str]) -> list[str]:
+    return [word for assignment in assignments for word in ("--set", assignment)]
+
+
+def tcrdata(*arguments: str) -> str:
+    command = [sys.executable, "-m", "tcrdata", *arguments]
+    run = subprocess.run(command, capture_output=True, text=True)
+    if run.returncode:
+        raise SystemExit(f"{' '.join(command)} failed: {run.stderr}")
+    return run.stdout
+
+
+def row(*cells: str) -> None:
+    print("| " + " | ".join(cells) + " |", flush=True)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ create table flows (
     round integer not null,                 -- EM round
     frame_to integer not null,              -- frame the flow points into
     direction varchar not null,             -- forward (frame_to is later) or backward
-    method varchar not null,                -- dis
+    method varchar not null,                -- dis or raft
     width_px integer not null,              -- image width
     height_px integer not null,             -- image height
     cycle_share_paper double,               -- share of pixels with |w+w''|^2 < 0.05(|w|^2+|w''|^2)+0.5 (eq. 5)

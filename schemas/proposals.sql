@@ -7,8 +7,8 @@ create table proposals (
     sequence varchar not null,          -- drive or clip
     frame integer not null,             -- number of the frame
     round integer not null,             -- EM round
-    source varchar not null,            -- paper, release, free_space, detector (one frame), track, static, detected, table (many frames)
-    fit varchar not null,               -- how the box was fitted: min_area, l_shape, track, center_net, persistent or round
+    source varchar not null,            -- paper, release, free_space, detector (one frame), track, static, detected, table, tracklet (many frames)
+    fit varchar not null,               -- how the box was fitted: min_area, l_shape, track, center_net, persistent, tracklet or round (no yaw: it cannot be observed)
     region_id varchar not null,         -- the region it was fitted to; two fits of one region share it
     track_id varchar,                   -- tracks and static objects: the same in every frame
     found varchar not null,             -- observed, gap (between two sightings), extended (beyond the first or last)

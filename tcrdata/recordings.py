@@ -58,14 +58,7 @@ def record_sequence(
     chosen = _chosen(store, info, frames)
     dataset = registry.find("datasets", info["dataset"]).open_dataset(info["root"])
     shots = _shots(store, selection_id, info, dataset, chosen, with_truth=with_truth)
-    if out.is_dir():
-        raise SettingsError(f"--out {out} is a folder: name a file, such as {out / 'view.rrd'}")
-    part = out.with_name(out.name + ".part")
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        part.touch()
-    except OSError as error:
-        raise SettingsError(f"--out {out}: {error.strerror}: give another file") from error
+    part = _part_of(out)
     try:
         name = f"{info['dataset']} {info['sequence']}"
         with RerunRecording(part, name, info["metric_scale"]) as recording:
@@ -75,6 +68,19 @@ def record_sequence(
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
+
+
+def _part_of(out: Path) -> Path:
+    """Make the file that grows until it is whole and takes the name asked for."""
+    if out.is_dir():
+        raise SettingsError(f"--out {out} is a folder: name a file, such as {out / 'view.rrd'}")
+    part = out.with_name(out.name + ".part")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        part.touch()
+    except OSError as error:
+        raise SettingsError(f"--out {out}: {error.strerror}: give another file") from error
+    return part
 
 
 def _recording_class() -> Any:

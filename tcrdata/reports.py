@@ -13,14 +13,18 @@ if TYPE_CHECKING:
 
 
 def run_report(
-    connection: duckdb.DuckDBPyConnection, name: str, parameters: Mapping[str, Any] | None = None
+    connection: duckdb.DuckDBPyConnection,
+    name: str,
+    parameters: Mapping[str, Any] | None = None,
+    folder: str = "reports",
 ) -> duckdb.DuckDBPyRelation:
-    """Run the `set variable` lines of `queries/reports/<name>.sql`, then its select.
+    """Run the `set variable` lines of `queries/<folder>/<name>.sql`, then its select.
 
     Args:
         connection: has the tables of a store as views; keeps the variables afterwards.
         name: the file's, without its ending.
         parameters: values that replace the file's own; None leaves the file's.
+        folder: of `queries/` that holds the file.
 
     Raises:
         SettingsError: the file sets no variable of that name.
@@ -28,7 +32,7 @@ def run_report(
     """
     import duckdb
 
-    path = resource_folder("queries") / "reports" / f"{name}.sql"
+    path = resource_folder("queries") / folder / f"{name}.sql"
     *setters, select = connection.extract_statements(path.read_text(encoding="utf-8"))
     for setter in setters:
         connection.execute(setter)

@@ -116,27 +116,30 @@ def plan_rounds(
         for name in list(values)
         if name.startswith(f"{_TRAIN}.")
     }
+    names, successors, others = _presets_of_rounds(presets, values)
+    # What another preset accepts is no background to learn from: its evidence is needed, too.
+    whole = pipeline.plan_build(
+        dataset, root, sequences=sequences, frames=frames, assignments=values,
+        presets=tuple(dict.fromkeys((*names, *successors, *others))),
+    )  # fmt: skip
+    first, later = (_part(whole, part, anew=part is successors) for part in (names, successors))
+    loop = Loop(first, later, rounds, training)
+    for kind in loop.kinds:
+        recipe_of(kind, loop.training)
+    return loop
+
+
+def _presets_of_rounds(
+    presets: tuple[str, ...], values: Mapping[str, str]
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
+    """Names of the presets of the first round, of the later ones, and of those that they name."""
     names = presets
     if "all" in presets:
         names = tuple(sorted(planning.first_round_presets(), key=lambda name: name != LEADER))
     successors = tuple(dict.fromkeys(_successor(load_preset(name)) for name in names))
     parameters = {name: text for name, text in values.items() if "." not in name}
     chosen = planning.loaded_presets((*names, *successors), parameters)
-    # What another preset accepts is no background to learn from: its evidence is needed, too.
-    others = (other.name for preset in chosen for other in preset.others)
-    whole = pipeline.plan_build(
-        dataset,
-        root,
-        sequences=sequences,
-        frames=frames,
-        presets=tuple(dict.fromkeys((*names, *successors, *others))),
-        assignments=values,
-    )
-    first, later = (_part(whole, part, anew=part is successors) for part in (names, successors))
-    loop = Loop(first, later, rounds, training)
-    for kind in loop.kinds:
-        recipe_of(kind, loop.training)
-    return loop
+    return names, successors, tuple(other.name for preset in chosen for other in preset.others)
 
 
 def build_rounds(
@@ -172,18 +175,16 @@ def build_rounds(
     for number in range(planning.ROUND + 1, loop.rounds + 1):
         if len(report.leading) < number - planning.ROUND:
             break
-        models: dict[str, str] = {}
-        labels = report.leading[-1]
+        learnt = {}
         for kind in learnable(store, loop.kinds):
-            outcome = learn(store, recipe_of(kind, loop.training), labels, trained)
-            progress(outcome)
-            models[kind] = outcome.unit.sequence
-            report = replace(report, outcomes=(*report.outcomes, outcome))
+            recipe = recipe_of(kind, loop.training)
+            learnt[kind] = learn(store, recipe, report.leading[-1], trained)
+            progress(learnt[kind])
+        models = {kind: outcome.unit.sequence for kind, outcome in learnt.items()}
         made = make(loop.plan(number, models), store_url)
         calibrate(store, number)
-        report = BuildReport(
-            (*report.outcomes, *made.outcomes), (*report.selections, *made.selections)
-        )
+        outcomes = (*report.outcomes, *learnt.values(), *made.outcomes)
+        report = BuildReport(outcomes, (*report.selections, *made.selections))
     return report
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+from dataclasses import replace
 
 from tcrdata.executors import Serial
 from tcrdata.pipeline import build_sequence, plan_build
@@ -18,8 +19,10 @@ def warm() -> int:
     The compiled kernels are cached beside the installed package, or where NUMBA_CACHE_DIR says.
     """
     made = 0
+    whole = plan_build(*CLIPS[0], presets=("all",))
     for dataset, spec in CLIPS:
-        plan = plan_build(dataset, spec, presets=("all",))
+        clip = plan_build(dataset, spec)
+        plan = replace(whole, dataset=dataset, root=clip.root, sequences=clip.sequences)
         store = open_store(f"memory://warm-{dataset}", create=True)
         for sequence in plan.sequences:
             with contextlib.redirect_stdout(io.StringIO()):

@@ -17,6 +17,7 @@ PRESETS = resource_files("queries/presets/*.sql")
 REPORTS = resource_files("queries/reports/*.sql")
 TRAINING = resource_files("queries/training/*.sql")
 STATES = resource_files("queries/states/*.sql")
+TRACKING = resource_files("queries/tracking/*.sql")
 SETTER = re.compile(r"^set variable (\w+) = .*?;\s*(?:--\s*(.*))?$", re.MULTILINE)
 
 
@@ -50,13 +51,13 @@ def shell(tables: duckdb.DuckDBPyConnection) -> Iterator[duckdb.DuckDBPyConnecti
 
 
 def test_no_file_of_sql_lies_elsewhere(repository: Path) -> None:
-    known = {*SCHEMAS, *RULES, *PRESETS, *REPORTS, *TRAINING, *STATES}
+    known = {*SCHEMAS, *RULES, *PRESETS, *REPORTS, *TRAINING, *STATES, *TRACKING}
     found = {path for name in ("schemas", "queries") for path in (repository / name).rglob("*.sql")}
     assert found == known
 
 
 @pytest.mark.parametrize(
-    "path", [*SCHEMAS, *RULES, *PRESETS, *REPORTS, *TRAINING, *STATES], ids=named
+    "path", [*SCHEMAS, *RULES, *PRESETS, *REPORTS, *TRAINING, *STATES, *TRACKING], ids=named
 )
 def test_a_file_opens_with_what_it_decides_or_holds(path: Path) -> None:
     first = path.read_text().splitlines()[0]
@@ -65,7 +66,7 @@ def test_a_file_opens_with_what_it_decides_or_holds(path: Path) -> None:
     assert len(first.split()) >= 4
 
 
-@pytest.mark.parametrize("path", [*RULES, *REPORTS, *TRAINING], ids=named)
+@pytest.mark.parametrize("path", [*RULES, *REPORTS, *TRAINING, *TRACKING], ids=named)
 def test_a_parameter_has_a_unit_or_a_meaning(path: Path) -> None:
     assert [name for name, comment in setters(path).items() if len(comment.split()) < 2] == []
 
@@ -78,7 +79,9 @@ def test_a_preset_sets_what_a_rule_explains_or_explains_it(path: Path) -> None:
     ] == []
 
 
-@pytest.mark.parametrize("path", [*RULES, *PRESETS, *REPORTS, *TRAINING, *STATES], ids=named)
+@pytest.mark.parametrize(
+    "path", [*RULES, *PRESETS, *REPORTS, *TRAINING, *STATES, *TRACKING], ids=named
+)
 def test_a_file_runs_as_it_is_over_empty_tables(
     shell: duckdb.DuckDBPyConnection, path: Path
 ) -> None:
@@ -86,7 +89,7 @@ def test_a_file_runs_as_it_is_over_empty_tables(
     assert shell.description
 
 
-@pytest.mark.parametrize("path", [*REPORTS, *TRAINING], ids=named)
+@pytest.mark.parametrize("path", [*REPORTS, *TRAINING, *TRACKING], ids=named)
 def test_a_report_uses_every_parameter_it_sets(path: Path) -> None:
     text = path.read_text()
     assert {name for name in setters(path) if f"getvariable('{name}')" not in text} == set()

@@ -2,7 +2,7 @@
 -- are so sure that no two of three could be, or one is exceedingly sure.
 -- rules: source, enough_points, modules_sum, cycle_error
 -- required: source, modules_sum
--- cues: flow_ransac, regions_paper, objectness3d, objectness2d
+-- cues: flow_ransac, regions_paper, objectness3d, objectness2d, visibility
 -- ignore: detector_faint
 set variable taken_source = 'detector';
 set variable taken_fit = 'center_net';

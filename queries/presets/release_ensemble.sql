@@ -1,8 +1,8 @@
 -- The released code's later rounds: what the detector and, with images, the segmenter are nearly sure
 -- of and what moves, so that nothing parked becomes a label.
--- rules: source, modules_product, motion_seen, cycle_error
+-- rules: source, modules_product, motion_seen, stopped_rays, cycle_error
 -- required: source, modules_product, motion_seen
--- cues: flow_ransac, regions_release, objectness3d, objectness2d
+-- cues: flow_ransac, regions_release, objectness3d, objectness2d, visibility
 -- ignore: detector_faint
 set variable taken_source = 'detector';
 set variable taken_fit = 'center_net';

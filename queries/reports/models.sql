@@ -1,5 +1,5 @@
 -- What was trained in a store: on which labels and snapshot, how far, and how well it fits them.
-set variable trained_kind = null::varchar;  -- detector or segmenter; NULL = both
+set variable trained_kind = null::varchar;  -- detector, segmenter or flow; NULL = all
 set variable loss_window_share = 0.1;       -- share: of the steps, at either end, that losses are averaged over
 
 with measured as (

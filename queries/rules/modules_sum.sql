@@ -3,7 +3,7 @@
 -- measure it; of a detection, the share of its points that was not there in other sweeps.
 -- source: section 3.7: a sum of three above 2; promotion by one module
 -- needs: value > number of modules - 1, or one confidence above exceedingly_sure
--- cues: objectness3d, objectness2d
+-- cues: objectness3d, objectness2d, visibility
 set variable exceedingly_sure = 0.95;  -- probability: above it a module needs no other
 set variable fewest_modules = 2;  -- modules: with fewer it abstains
 

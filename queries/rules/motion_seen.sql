@@ -2,7 +2,7 @@
 -- that was not there in other sweeps.
 -- source: the released code: each label overlaps a component of motion
 -- needs: value >= min_motion
--- cues: regions_paper, regions_release, regions_free_space, tracks, objectness3d
+-- cues: regions_paper, regions_release, regions_free_space, tracks, objectness3d, visibility
 set variable min_motion = 0.5;  -- probability: that it moved
 
 with said as (

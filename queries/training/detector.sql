@@ -2,6 +2,7 @@
 -- alone, and how sure a place must be to count as background.
 -- reads: points, ground, height_m, votes_free, votes_static
 set variable selection_id = null::varchar;  -- which selection; NULL = every one in the store
+set variable taught_undecided = 'tcrdata_static';  -- presets, with commas between: what is undecided because they take it is learnt as well; empty for none
 set variable empty_frames = false;          -- whether frames without a positive label are samples
 set variable heading_above_mps = 0.5;       -- m/s times metric scale: a faster label's yaw tells where it heads
 set variable negatives = 'sure';            -- background: near (around labels), sure (and where all that stands was surely standing) or everywhere
@@ -9,18 +10,24 @@ set variable near_m = 3.0;                  -- m: background reaches this far ar
 set variable unsure_reach_m = 2.0;          -- m: a point that is not surely static leaves its surroundings unknown
 set variable least_static_votes = 3;        -- sweeps: so many must have seen a surface, for it to be surely static
 
-with labelled as (
+with taught as (
+    select l.*, l.state = 'positive'
+                or list_contains(string_split(getvariable('taught_undecided'), ','),
+                                 l.ignored_because) as positive
+    from labels l
+    where getvariable('selection_id') is null or l.selection_id = getvariable('selection_id')
+),
+labelled as (
     select l.dataset, l.sequence, l.frame,
            list({'x_m': l.x_m, 'y_m': l.y_m, 'z_m': l.z_m, 'length_m': l.length_m,
                  'width_m': l.width_m, 'height_m': l.height_m, 'yaw_rad': l.yaw_rad,
-                 'positive': l.state = 'positive',
+                 'positive': l.positive,
                  'moving': coalesce(l.speed_mps > getvariable('heading_above_mps')
                                                   * s.metric_scale, false)}
                 order by l.score desc, l.proposal_id) as labels,
-           count(*) filter (l.state = 'positive') as positives
-    from labels l
+           count(*) filter (l.positive) as positives
+    from taught l
     join sequences s using (dataset, sequence)
-    where getvariable('selection_id') is null or l.selection_id = getvariable('selection_id')
     group by all
 )
 select f.dataset, f.sequence, f.frame, b.labels, coalesce(b.positives, 0) as positives,

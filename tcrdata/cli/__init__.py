@@ -15,6 +15,7 @@ from tcrdata.cli import (
     diff,
     draw,
     evaluate,
+    evaluate_flow,
     export,
     funnel,
     models,
@@ -24,13 +25,15 @@ from tcrdata.cli import (
     sql,
     status,
     test_rules,
+    track,
     train,
+    train_flow,
     view,
     views,
     warm,
     why,
 )
-from tcrdata.cli.app import app
+from tcrdata.cli.app import app, group
 from tcrdata.errors import TcrdataError
 
 for _command in (
@@ -39,7 +42,6 @@ for _command in (
     compact.compact,
     diff.diff,
     draw.draw,
-    evaluate.evaluate,
     export.export,
     funnel.funnel,
     models.models,
@@ -49,13 +51,16 @@ for _command in (
     sql.sql,
     status.status,
     test_rules.test_rules,
-    train.train,
+    track.track,
     view.view,
     views.views,
     warm.warm,
     why.why,
 ):
     app.command(_command)
+
+group(evaluate.evaluate, flow=evaluate_flow.evaluate_flow)
+group(train.train, flow=train_flow.train_flow)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:

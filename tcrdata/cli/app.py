@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated
 
 from cyclopts import App, Parameter
@@ -22,6 +23,15 @@ app = App(
     exit_on_error=False,
     result_action="return_value",
 )
+
+
+def group(command: Callable[..., int], **others: Callable[..., int]) -> None:
+    """Add a command that has others below it: `tcrdata train`, and `tcrdata train flow`."""
+    own = App(name=command.__name__, help_format="plaintext")
+    own.default(command)
+    for name, other in others.items():
+        own.command(other, name=name)
+    app.command(own)
 
 
 def listed(text: str | None) -> tuple[str, ...] | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from tcrdata import console
 from tcrdata.cli import printing
@@ -29,6 +29,9 @@ def build(
     frames: str | None = None,
     rounds: int = 1,
     preset: str = "tcrdata",
+    flow: Literal["dis", "raft"] | None = None,
+    weights: str | None = None,
+    model: str | None = None,
     workers: int | None = None,
     config: str | None = None,
     assignments: Assignments = (),
@@ -50,6 +53,9 @@ def build(
         frames: only these of each sequence: `0-49`, `0-9,20,30-`.
         rounds: rounds of the EM loop; those after the first train on the labels of the one before.
         preset: presets to select labels with, with commas between, or `all`.
+        flow: what measures optical flow, for presets that read it: dis (the default) or raft.
+        weights: file with the weights of RAFT; they are copied into the store.
+        model: id of a flow model of the store; the one in use when left out.
         workers: worker processes; the machine's cores when left out.
         config: a TOML file of settings.
         assignments: `cue.field=value` for a cue, `parameter=value` for a rule, `train.name=value`
@@ -60,12 +66,13 @@ def build(
     """
     from tcrdata import executors
 
-    count = workers if workers is not None else _default_workers()
+    count = workers if workers is not None else default_workers()
     if count < 1:
         raise SettingsError(f"--workers {count}: at least one is needed")
     if count > 1 and not dry_run:
         executors.start_server()
     from tcrdata.dry_runs import dry_rounds
+    from tcrdata.flow_models import check_presets_read_flow, flow_assignments
     from tcrdata.inspection.drift import drifts
     from tcrdata.rounds import build_rounds, plan_rounds
     from tcrdata.store import open_store
@@ -77,6 +84,8 @@ def build(
     if generate:
         root = _generated(dataset, generate, root, work=not dry_run)
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
+    check_presets_read_flow(flow, listed(preset) or ())
+    values |= flow_assignments(store, flow, weights, model, dry_run=dry_run)
     loop = plan_rounds(
         dataset,
         root,
@@ -123,5 +132,6 @@ def _generated(dataset: str, text: str, root: str, *, work: bool) -> str:
     return generation.root
 
 
-def _default_workers() -> int:
+def default_workers() -> int:
+    """Return as many workers as cores, eight at most."""
     return min(len(os.sched_getaffinity(0)), MOST_WORKERS_BY_DEFAULT)

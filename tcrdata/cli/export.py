@@ -11,6 +11,7 @@ from cyclopts import Parameter
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl, listed
 from tcrdata.cli.selected import selected
+from tcrdata.errors import SettingsError
 
 
 def export(
@@ -26,13 +27,14 @@ def export(
     dataset: str | None = None,
     validation: str | None = None,
     labels_only: Flag = False,
+    tracklets: Flag = False,
     overwrite: Flag = False,
     json: Flag = False,
 ) -> int:
     """Write a selection's labels in another program's format; prints how it is to be read.
 
     Args:
-        format_name: kitti, kitti-tracking, openpcdet, mmdet3d, nuscenes, coco, yolo, parquet,
+        format_name: kitti, kitti-tracking, mot, openpcdet, mmdet3d, nuscenes, coco, yolo, parquet,
             webdataset, or the dotted path of an exporter.
         store: folder or URL of the store.
         out: folder to write into.
@@ -45,6 +47,7 @@ def export(
         validation: sequences of the validation split, with commas between: kitti, openpcdet,
             mmdet3d and yolo have splits.
         labels_only: write no images and no points, nor links to them.
+        tracklets: write what `tcrdata track` made of the labels: kitti-tracking and mot.
         overwrite: write into a folder that is not empty.
         json: print what was written as JSON.
     """
@@ -52,6 +55,10 @@ def export(
     from tcrdata.exporters.labels import ExportOptions
     from tcrdata.store import open_store
 
+    if tracklets and format_name not in ("kitti-tracking", "kitti_tracking", "mot"):
+        raise SettingsError(
+            f"--tracklets: {format_name} has no objects over time: export kitti-tracking or mot"
+        )
     exporter = registry.find("exporters", format_name)
     opened = open_store(store)
     if snapshot is not None:
@@ -65,6 +72,7 @@ def export(
         overwrite=overwrite,
         validation=listed(validation) or (),
         labels_only=labels_only,
+        tracklets=tracklets,
     )
     card = exporter.export(opened, chosen, out, options)
     if json:

@@ -18,7 +18,7 @@ def models(*, store: StoreUrl, kind: str | None = None, json: Flag = False) -> i
 
     Args:
         store: folder or URL of the store.
-        kind: detector or segmenter; both when left out.
+        kind: detector, segmenter or flow; all when left out.
         json: print every model with its settings as JSON.
     """
     from tcrdata.reports import run_report

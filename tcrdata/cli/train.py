@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Literal
 
 from tcrdata import console
@@ -27,6 +28,7 @@ def train(
     assignments: Assignments = (),
     resume: Flag = False,
     device: str = "auto",
+    logs: str | None = None,
     json: Flag = False,
 ) -> int:
     """Train on the labels of a selection; checkpoints land in the store.
@@ -39,11 +41,13 @@ def train(
         store: folder or URL of the store.
         selection: name or id of the labels' selection; the newest when left out.
         snapshot: a frozen list of files to read instead of the newest.
-        config: TOML file of settings.
+        config: TOML file of settings: those of the loop at the top, then tables [network],
+            [augmentation], [targets], [query].
         assignments: NAME=VALUE, such as steps=800, network.widths=32,64,96 or
             augmentation.yaw_rad=3.14; they win over the file.
         resume: go on from the newest checkpoint of the same settings.
         device: auto, cpu or cuda.
+        logs: folder for TensorBoard's event files; needs tcrdata[logs]; none when left out.
         json: print the model as JSON.
     """
     from tcrdata.learning.runs import plan_recipe, run_training
@@ -54,7 +58,7 @@ def train(
     opened = open_store(store)
     selection_id = selected(opened, selection)
     started = time.perf_counter()
-    with training_progress(recipe.loop.steps) as report:
+    with training_progress(recipe.loop.steps, logs) as report:
         model, progress = run_training(
             opened,
             recipe,
@@ -64,6 +68,8 @@ def train(
             device=device,
             report=report,
         )
+    if int(os.environ.get("RANK", "0")):
+        return 0  # of several processes one speaks
     if json:
         console.print_json({"model_id": model.model_id, "snapshot": model.snapshot,
                             "step": progress.step if progress else recipe.loop.steps,
@@ -81,13 +87,23 @@ def train(
 
 
 @contextmanager
-def training_progress(steps: int) -> Iterator[Callable[[Report], None]]:
-    """Show steps, loss, throughput and time left on stderr; silent when not a terminal."""
-    with console.progress_bars() as bar:
+def training_progress(steps: int, logs: str | None = None) -> Iterator[Callable[[Report], None]]:
+    """Show steps, loss, throughput and time left on stderr; silent when not a terminal.
+
+    Args:
+        steps: of the whole training.
+        logs: folder for event files; none for None.
+    """
+    from tcrdata.learning.logs import EventLogs
+
+    events = EventLogs(logs) if logs else None
+    with console.progress_bars() as bar, events or nullcontext():
         task = bar.add_task("train", total=steps)
 
         def advance(report: Report) -> None:
             said = f"loss {report.loss:.3f}, {report.frames_per_s:.1f} frames/s"
             bar.update(task, completed=report.step, description=said)
+            if events:
+                events.add(report)
 
         yield advance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numba
 import numpy as np
 
 from tcrdata.errors import FrameError
@@ -61,13 +62,16 @@ def to_level(points: Float32Array, level_T_sensor: FloatArray) -> Float32Array:
         points: x, y, z, reflectance in the Velodyne's frame.
         level_T_sensor: (4, 4), Velodyne to level frame.
     """
-    # Column by column: a matrix product would round as the threads share it out, and is slower.
-    x, y, z = np.ascontiguousarray(points[:, :3].T)
     result = np.empty((len(points), 3), dtype=np.float32)
-    total, term = np.empty_like(x), np.empty_like(x)
-    for row, (a, b, c, offset) in enumerate(level_T_sensor[:3].astype(np.float32)):
-        np.multiply(x, a, out=total)
-        total += np.multiply(y, b, out=term)
-        total += np.multiply(z, c, out=term)
-        np.add(total, offset, out=result[:, row])
+    _transform(points, level_T_sensor[:3].astype(np.float32), result)
     return result
+
+
+# One term after the other: a matrix product would round as the threads share it out.
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _transform(points: Float32Array, matrix: Float32Array, result: Float32Array) -> None:
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        for row in range(3):
+            turned = (matrix[row, 0] * x + matrix[row, 1] * y) + matrix[row, 2] * z
+            result[i, row] = turned + matrix[row, 3]

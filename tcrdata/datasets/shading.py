@@ -13,6 +13,7 @@ from tcrdata.datasets.lighting import (
     surface_colour,
     surface_normal,
 )
+from tcrdata.datasets.rays import add, aim, average, norm, reach
 from tcrdata.datasets.textures import albedo
 from tcrdata.geometry.intersections import gather_candidates, hit_shape, kernel, may_hit
 from tcrdata.geometry.raycasting import Primitives
@@ -144,30 +145,30 @@ def _render(
     seen, shading = np.empty_like(kinds), np.empty_like(kinds)
     rays, points = np.empty((STRIP * n * n, 3)), np.empty((STRIP * n * n, 3))
     times, hits = np.empty(STRIP * n * n), np.empty(STRIP * n * n, dtype=np.int64)
-    footprint = _length(R[:, 0])
+    footprint = norm(R[:, 0])
     for row in range(height):
         for first in range(0, width, STRIP):
             count = min(STRIP, width - first) * n * n
-            _aim(R, first, row, n, rays[:count])
+            aim(R, first, row, n, rays[:count])
             found = gather_candidates(spheres, origin, rays[:count], np.inf, seen)
             for i in range(count):
                 times[i], hits[i] = _first_hit(
                     kinds, unit_T_world, spheres, half_sizes, seen[:found], origin, rays[i]
                 )
-                points[i] = origin + times[i] * rays[i]
+                reach(points[i], origin, times[i], rays[i])
             casters = gather_shadowers(spheres, light, points[:count], hits, shading)
             for pixel in range(0, count, n * n):
                 step = 1
                 # Where one sample in the middle says as much as all, it is lit alone.
                 if n > 1 and _is_plain(kinds, unit_T_world, half_sizes, points, hits, pixel, n * n):
                     step = n * n
-                    rays[pixel] = _mean(rays, pixel, step)
+                    average(rays, pixel, step)
                     times[pixel], hits[pixel] = _first_hit(
                         kinds, unit_T_world, spheres, half_sizes, seen[:found], origin, rays[pixel]
                     )
-                    points[pixel] = origin + times[pixel] * rays[pixel]
+                    reach(points[pixel], origin, times[pixel], rays[pixel])
                 for i in range(pixel, pixel + n * n, step):
-                    length = _length(rays[i])
+                    length = norm(rays[i])
                     colour = sky_colour(light, rays[i, 2], length)
                     if hits[i] >= 0:
                         colour = surface_colour(
@@ -175,7 +176,7 @@ def _render(
                             shading[:casters], light, 1.57 * (i - pixel), hits[i], points[i],
                             rays[i] / length, times[i] * length, times[i] * footprint,
                         )  # fmt: skip
-                    _add(image[row, first + pixel // (n * n)], colour, step / (n * n))
+                    add(image[row, first + pixel // (n * n)], colour, step / (n * n))
     return image
 
 
@@ -209,37 +210,6 @@ def _is_plain(
         )
         x, y, z = x + nx, y + ny, z + nz
     return p < 0 or x * x + y * y + z * z > (0.99 * count) ** 2
-
-
-@kernel
-def _length(row: FloatArray) -> float:
-    return math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
-
-
-@kernel
-def _add(pixel: FloatArray, colour: tuple[float, float, float], weight: float) -> None:
-    pixel[0] += weight * colour[0]
-    pixel[1] += weight * colour[1]
-    pixel[2] += weight * colour[2]
-
-
-@kernel
-def _mean(rows: FloatArray, first: int, count: int) -> FloatArray:
-    total = np.zeros(3)
-    for i in range(first, first + count):
-        total += rows[i]
-    return total / count
-
-
-@kernel
-def _aim(R: FloatArray, first: int, row: int, n: int, rays: FloatArray) -> None:
-    """Fill in the rays of a strip of pixels, n * n samples each, pixel by pixel."""
-    for i in range(len(rays)):
-        sample = i % (n * n)
-        u = first + i // (n * n) + (sample % n + 0.5) / n - 0.5
-        v = row + (sample // n + 0.5) / n - 0.5
-        for axis in range(3):
-            rays[i, axis] = R[axis, 0] * u + R[axis, 1] * v + R[axis, 2]
 
 
 @kernel

@@ -1,8 +1,7 @@
 """Optical flow of consecutive frames, both directions, with both cycle tests kept as numbers.
 
-The estimator is OpenCV's DIS (Kroeger et al., "Fast optical flow using dense inverse search",
-ECCV 2016). Nothing is gated: the tests are bit planes and shares. Frames without an image that
-can be read have no rows.
+The estimator is OpenCV's DIS, or RAFT with the weights of a model in the store. Nothing is gated:
+the tests are bit planes and shares. Frames without an image that can be read have no rows.
 """
 
 from __future__ import annotations
@@ -13,18 +12,21 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.errors import FrameError
+from tcrdata.errors import FrameError, SettingsError
 from tcrdata.evidence import flow_cycle
 from tcrdata.evidence.chunks import chunked
+from tcrdata.evidence.flow_estimators import METHODS, Dis, Estimator, Raft
+from tcrdata.evidence.models import ModelChoice, read_model
 from tcrdata.evidence.point_rows import error_rows
 from tcrdata.evidence.stored_flow import Pair, image_pairs
+from tcrdata.store import Store
 from tcrdata.store.arrays import encode_bits, encode_flow
-from tcrdata.types import CueInput, Dataset, Float32Array, Frame, ImageArray, Rows
+from tcrdata.types import CueInput, Dataset, Float32Array, ImageArray, Rows, Tables
 
 NEEDS: tuple[str, ...] = ()
 GIVES: tuple[str, ...] = ("flows",)
 NEEDS_IMAGES: bool = True
-METHOD = "dis"
+MODEL_KIND = "flow"
 
 
 @dataclass(frozen=True)
@@ -32,14 +34,26 @@ class Settings:
     """How flow is estimated and tested.
 
     Attributes:
+        method: dis or raft.
+        model: id of RAFT's model, or its beginning.
+        model_store: store that holds it; empty for this one.
+        iterations: RAFT's corrections of the flow.
         cycle_share: alpha 1 of the cycle tests.
         cycle_slack_px: alpha 2 of the cycle tests.
         pairs_per_task: frame pairs a worker takes at once; neighbours share an image read.
     """
 
+    method: str = "dis"
+    model: str = ""
+    model_store: str = ""
+    iterations: int = 8
     cycle_share: float = 0.05
     cycle_slack_px: float = 0.5
     pairs_per_task: int = 8
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise SettingsError(f"flow.method: '{self.method}' is none of {', '.join(METHODS)}")
 
 
 @dataclass(frozen=True)
@@ -47,29 +61,48 @@ class _Task:
     dataset: Dataset
     pairs: tuple[Pair, ...]
     settings: Settings
+    estimator: Estimator
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
     """Yield `flows`: two rows a pair of consecutive frames with images."""
     settings: Settings = cue.settings
+    pairs = image_pairs(cue.frames)
+    if not pairs:
+        return
+    estimator = chosen_estimator(cue.tables, settings, cue.round)
     tasks = (
-        _Task(cue.dataset, part, settings)
-        for part in chunked(image_pairs(cue.frames), settings.pairs_per_task)
+        _Task(cue.dataset, part, settings, estimator)
+        for part in chunked(pairs, settings.pairs_per_task)
     )
     for batches in cue.parallel(_measure_task, tasks):
         yield from batches
 
 
-def dis_flow(gray_from: ImageArray, gray_to: ImageArray) -> Float32Array:
-    """Return the (H, W, 2) flow in pixels between two (H, W) grey images, DIS preset MEDIUM."""
-    import cv2
+def chosen_estimator(tables: Tables | Store, settings: Settings, round: int = 1) -> Estimator:
+    """Return what the settings name.
 
-    estimator = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    return np.asarray(estimator.calc(gray_from, gray_to, None), dtype=np.float32)
+    Args:
+        tables: may hold RAFT's model; or the store that does.
+        settings: method, model and iterations.
+        round: EM round.
+
+    Raises:
+        EvidenceError: there is no such model.
+    """
+    if settings.method == "dis":
+        return Dis()
+    wanted = ModelChoice(MODEL_KIND, settings.model, settings.model_store, round)
+    model = read_model(tables, wanted)
+    return Raft(model.model_id, model.plain, model.weights, settings.iterations)
 
 
 def flow_rows(
-    pair: Pair, forward: Float32Array, backward: Float32Array, settings: Settings
+    pair: Pair,
+    forward: Float32Array,
+    backward: Float32Array,
+    settings: Settings,
+    method: str = "dis",
 ) -> dict[str, list[Any]]:
     """Return the two rows of a pair: tests, shares and encoded flow."""
     here = flow_cycle.measure(forward, backward, settings.cycle_share, settings.cycle_slack_px)
@@ -78,21 +111,23 @@ def flow_rows(
     ends = (pair.first.frame, pair.second.frame)
     rows = [
         {"frame": ends[0], "frame_to": ends[1], "direction": "forward"}
-        | _columns(forward, here, release_here),
+        | _columns(forward, here, release_here, method),
         {"frame": ends[1], "frame_to": ends[0], "direction": "backward"}
-        | _columns(backward, there, release_there),
+        | _columns(backward, there, release_there, method),
     ]
     return {name: [row[name] for row in rows] for name in rows[0]}
 
 
-def _columns(flow: Float32Array, cycle: flow_cycle.Cycle, release: Any) -> dict[str, Any]:
+def _columns(
+    flow: Float32Array, cycle: flow_cycle.Cycle, release: Any, method: str
+) -> dict[str, Any]:
     codec, data = encode_flow(flow)
     planes = cycle.paper * np.uint8(flow_cycle.PAPER_BIT) | release * np.uint8(
         flow_cycle.RELEASE_BIT
     )
     inside = cycle.error_px[np.isfinite(cycle.error_px)]
     return {
-        "method": METHOD,
+        "method": method,
         "width_px": flow.shape[1],
         "height_px": flow.shape[0],
         "cycle_share_paper": float(cycle.paper.mean()),
@@ -106,10 +141,6 @@ def _columns(flow: Float32Array, cycle: flow_cycle.Cycle, release: Any) -> dict[
 
 
 def _measure_task(task: _Task) -> list[Rows]:
-    import cv2
-
-    # DIS splits the image by thread, so that its result could depend on their number.
-    cv2.setNumThreads(1)
     known: dict[int, ImageArray] = {}
     errors: dict[int, str] = {}
     batches: list[Rows] = []
@@ -117,9 +148,9 @@ def _measure_task(task: _Task) -> list[Rows]:
         images = _images(task.dataset, pair, known, errors)
         if images is None:
             continue
-        first, second = images
-        known = {pair.second.frame: second}
-        rows = flow_rows(pair, dis_flow(first, second), dis_flow(second, first), task.settings)
+        known = {pair.second.frame: images[1]}
+        forward, backward = task.estimator.both_ways(*images)
+        rows = flow_rows(pair, forward, backward, task.settings, task.estimator.method)
         batches.append(Rows("flows", rows))
     return [*batches, *error_rows(sorted(errors.items()))]
 
@@ -127,16 +158,16 @@ def _measure_task(task: _Task) -> list[Rows]:
 def _images(
     dataset: Dataset, pair: Pair, known: dict[int, ImageArray], errors: dict[int, str]
 ) -> tuple[ImageArray, ImageArray] | None:
-    """Return both grey images; or None, and say which frame is to blame."""
+    """Return both images; or None, and say which frame is to blame."""
     images = []
     for frame in pair:
         try:
-            images.append(_gray(dataset, frame, known))
+            images.append(known[frame.frame] if frame.frame in known else dataset.read_image(frame))
         except FrameError as error:
             errors[frame.frame] = str(error)
             return None
     first, second = images
-    if first.shape != second.shape:
+    if first.shape[:2] != second.shape[:2]:
         (h1, w1), (h2, w2) = first.shape[:2], second.shape[:2]
         errors[pair.first.frame] = (
             f"frame {pair.first.frame}: image is {w1}x{h1} but frame {pair.second.frame} has "
@@ -144,11 +175,3 @@ def _images(
         )
         return None
     return first, second
-
-
-def _gray(dataset: Dataset, frame: Frame, known: dict[int, ImageArray]) -> ImageArray:
-    import cv2
-
-    if frame.frame in known:
-        return known[frame.frame]
-    return np.asarray(cv2.cvtColor(dataset.read_image(frame), cv2.COLOR_RGB2GRAY))

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import EvidenceError
-from tcrdata.store import open_store
+from tcrdata.store import Store, open_store
 from tcrdata.types import Tables
+
+if TYPE_CHECKING:
+    from tcrdata.networks.trained import Trained
 
 AVERAGE = "average"
 COLUMNS = ("model_id", "kind", "network", "labels_round", "settings", "finished")
@@ -31,7 +36,45 @@ class ModelChoice:
     round: int
 
 
-def chosen_model(tables: Tables, choice: ModelChoice) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Model:
+    """A model as workers get it: equal ones are made into a network once.
+
+    Attributes:
+        model_id: of the model.
+        network: name of its module.
+        plain: its network's settings as JSON.
+        weights: bytes of the averaged weights.
+    """
+
+    model_id: str
+    network: str
+    plain: str
+    weights: bytes
+
+
+def read_model(tables: Tables | Store, choice: ModelChoice) -> Model:
+    """Return the model that a cue asks for, with its weights.
+
+    Raises:
+        EvidenceError: there is none, several fit, or its weights are gone.
+    """
+    row = chosen_model(tables, choice)
+    weights = model_weights(tables, choice, row["model_id"])
+    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
+    return Model(row["model_id"], row["network"], plain, weights)
+
+
+@lru_cache(maxsize=1)
+def network_of(model: Model) -> Trained:
+    """Return the network of a model; made once a worker."""
+    from tcrdata.networks.trained import trained_network
+
+    what = f"model {model.model_id}"
+    return trained_network(model.network, json.loads(model.plain), model.weights, what)
+
+
+def chosen_model(tables: Tables | Store, choice: ModelChoice) -> dict[str, Any]:
     """Return the row of `models` that a cue asks for.
 
     Raises:
@@ -52,7 +95,7 @@ def chosen_model(tables: Tables, choice: ModelChoice) -> dict[str, Any]:
     return last[0]
 
 
-def model_weights(tables: Tables, choice: ModelChoice, model_id: str) -> bytes:
+def model_weights(tables: Tables | Store, choice: ModelChoice, model_id: str) -> bytes:
     """Return the bytes of a model's averaged weights.
 
     Raises:
@@ -66,7 +109,7 @@ def model_weights(tables: Tables, choice: ModelChoice, model_id: str) -> bytes:
 
 
 def _read(
-    tables: Tables, choice: ModelChoice, table: str, columns: tuple[str, ...], **equals: Any
+    tables: Tables | Store, choice: ModelChoice, table: str, columns: tuple[str, ...], **equals: Any
 ) -> list[dict[str, Any]]:
     source: Any = open_store(choice.store) if choice.store else tables
     return list(source.read(table, columns=list(columns), **equals).to_pylist())

@@ -6,10 +6,8 @@ mean objectness of the pixels that its points project to. Frames without an imag
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
-from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
+from tcrdata.evidence.models import Model, ModelChoice, network_of, read_model
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
 from tcrdata.evidence.proposal_columns import Columns
 from tcrdata.geometry.boxes import points_in_box
@@ -56,16 +54,6 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _Model:
-    """A model as workers get it: equal ones are made into a network once."""
-
-    model_id: str
-    network: str
-    plain: str
-    weights: bytes
-
-
-@dataclass(frozen=True)
 class _Item:
     frame: Frame
     ground: EncodedPoints | None
@@ -78,7 +66,7 @@ class _Item:
 class _Chunk:
     dataset: Dataset
     settings: Settings
-    model: _Model
+    model: Model
     items: tuple[_Item, ...]
 
 
@@ -89,10 +77,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
     if not frames:
         return
     wanted = ModelChoice(NEEDS_MODEL, settings.model, settings.model_store, cue.round)
-    row = chosen_model(cue.tables, wanted)
-    weights = model_weights(cue.tables, wanted, row["model_id"])
-    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
-    model = _Model(row["model_id"], row["network"], plain, weights)
+    model = read_model(cue.tables, wanted)
     chunks = (
         _Chunk(cue.dataset, settings, model, tuple(_item(cue, frame) for frame in part))
         for part in chunked(frames, settings.chunk_frames)
@@ -162,7 +147,7 @@ def _measure(chunk: _Chunk, item: _Item, ground: EncodedPoints) -> Columns:
     }
 
 
-def objectness(image: ImageArray, model: _Model, settings: Settings) -> NDArray[np.float32]:
+def objectness(image: ImageArray, model: Model, settings: Settings) -> NDArray[np.float32]:
     """Return the (H, W) objectness in [0, 1] of an (H, W, 3) image."""
     import cv2
     import torch
@@ -174,16 +159,7 @@ def objectness(image: ImageArray, model: _Model, settings: Settings) -> NDArray[
     )
     batch = torch.from_numpy(np.moveaxis(small.astype(np.float32) / 255, 2, 0).copy())[None]
     with torch.inference_mode():
-        logits = _network(model).network(batch)["objectness"]
+        logits = network_of(model).network(batch)["objectness"]
     heat = torch.sigmoid(logits)[0, 0].numpy()
     found: NDArray[np.float32] = cv2.resize(heat, (width, height), interpolation=cv2.INTER_LINEAR)
     return found
-
-
-@lru_cache(maxsize=1)
-def _network(model: _Model) -> Any:
-    """Return the network of a model; made once a worker."""
-    from tcrdata.networks.trained import trained_network
-
-    what = f"model {model.model_id}"
-    return trained_network(model.network, json.loads(model.plain), model.weights, what)

@@ -6,17 +6,15 @@ whatever its source, gets a confidence of module `objectness_3d`: the largest he
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
-from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
+from tcrdata.evidence.models import Model, ModelChoice, network_of, read_model
 from tcrdata.evidence.objectness_boxes import (
     SOURCE,
     detected_columns,
@@ -26,6 +24,12 @@ from tcrdata.evidence.objectness_boxes import (
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
 from tcrdata.evidence.proposal_columns import Columns
 from tcrdata.types import CueInput, Dataset, FloatArray, Frame, Rows, Sensor
+
+if TYPE_CHECKING:
+    import torch
+
+    from tcrdata.networks.grids import Sweep
+    from tcrdata.networks.trained import Trained
 
 NEEDS: tuple[str, ...] = ("ground", "odometry", "free_space")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
@@ -52,6 +56,7 @@ class Settings:
         most: at most so many boxes a frame.
         least_score: what is fainter is noise, not a candidate.
         same_iou: of boxes that overlap more, from above, the surer one stays.
+        mirrored: whether to look at the mirror image of each frame, too, and take the mean.
         front_m: a return this much nearer hides a box's outline; times the metric scale.
         chunk_frames: frames an item of work.
         threads: torch's, in each worker.
@@ -63,26 +68,10 @@ class Settings:
     most: int = 64
     least_score: float = 0.05
     same_iou: float = 0.2
+    mirrored: bool = True
     front_m: float = 0.5
     chunk_frames: int = 8
     threads: int = 1
-
-
-@dataclass(frozen=True)
-class Model:
-    """A model as workers get it: equal ones are made into a network once.
-
-    Attributes:
-        model_id: of the model.
-        network: name of its module.
-        plain: its network's settings as JSON.
-        weights: bytes of the averaged weights.
-    """
-
-    model_id: str
-    network: str
-    plain: str
-    weights: bytes
 
 
 @dataclass(frozen=True)
@@ -120,10 +109,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
     """Yield `proposals` of source detector and `confidences` of module objectness_3d."""
     settings: Settings = cue.settings
     wanted = ModelChoice("detector", settings.model, settings.model_store, cue.round)
-    row = chosen_model(cue.tables, wanted)
-    weights = model_weights(cue.tables, wanted, row["model_id"])
-    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
-    model = Model(row["model_id"], row["network"], plain, weights)
+    model = read_model(cue.tables, wanted)
     chunks = (
         _Chunk(
             cue.dataset,
@@ -187,18 +173,16 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     from tcrdata.networks.grids import Sweep
 
     torch.set_num_threads(chunk.settings.threads)
-    trained = _network(chunk.model)
+    trained = network_of(chunk.model)
     cloud = chunk.dataset.read_points(item.frame)
     evidence = {name: decode_matching(e, len(cloud)) for name, e in item.evidence.items()}
     scale = np.float32(chunk.metric_scale)
     xyz, height = cloud.xyz / scale, evidence["height_m"] / scale
     colours = _colours(chunk, item, trained.module, cloud.xyz)
     sweep = Sweep(xyz, height, evidence["ground"], colours)
-    image = torch.from_numpy(trained.module.image_of(sweep, trained.settings))[None]
-    with torch.inference_mode():
-        outputs = trained.network(image)
-    region = trained.settings.region.coarser(trained.settings.stride)
     own = chunk.settings
+    outputs = _outputs(trained, sweep, own.mirrored)
+    region = trained.settings.region.coarser(trained.settings.stride)
     peaks = DecodeSettings(own.window, own.most, own.least_score, own.same_iou)
     (found,) = decode(outputs, region, peaks, trained.settings.volume_top_m)
     boxes = on_the_ground(found.boxes, xyz, height)
@@ -215,6 +199,20 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     values = [*found.scores.tolist(), *confidences]
     rows = _confidences(item.frame.frame, ids, values)
     return [("proposals", columns), ("confidences", rows)] if ids else []
+
+
+def _outputs(trained: Trained, sweep: Sweep, mirrored: bool) -> Mapping[str, torch.Tensor]:
+    """Return what the network says of a sweep, or the mean with its word on the mirror image."""
+    import torch
+
+    from tcrdata.networks.mirrored import mirrored_mean
+
+    image = torch.from_numpy(trained.module.image_of(sweep, trained.settings))[None]
+    with torch.inference_mode():
+        if mirrored:
+            return mirrored_mean(trained.network, image)
+        outputs: Mapping[str, torch.Tensor] = trained.network(image)
+        return outputs
 
 
 def _colours(chunk: _Chunk, item: _Item, module: Any, xyz: Any) -> Any:
@@ -237,12 +235,3 @@ def _confidences(frame: int, ids: list[str], values: list[float | None]) -> Colu
         "raw_value": values,
         "unit": ["probability of a centre"] * count,
     }
-
-
-@lru_cache(maxsize=1)
-def _network(model: Model) -> Any:
-    """Return the network of a model; made once a worker."""
-    from tcrdata.networks.trained import trained_network
-
-    what = f"model {model.model_id}"
-    return trained_network(model.network, json.loads(model.plain), model.weights, what)

@@ -246,8 +246,10 @@ def _nearest(
         if cells[i] > 0 and ranges[i] < flat[cells[i]]:
             flat[cells[i]] = ranges[i]
     if spherical:
-        image[:, 0] = image[:, columns]
-        image[:, columns + 1] = image[:, 1]
+        # Assigning slices would compile numba's text formatting for an error that cannot be.
+        for r in range(rows + 2):
+            image[r, 0] = image[r, columns]
+            image[r, columns + 1] = image[r, 1]
     return image
 
 

@@ -15,7 +15,7 @@ from tcrdata.types import BoolArray, Float32Array, Frame, Tables
 
 CycleTest = Literal["paper", "release", "none"]
 _BITS: dict[CycleTest, int] = {"paper": PAPER_BIT, "release": RELEASE_BIT}
-_COLUMNS = ["frame_to", "height_px", "width_px", "codec", "data", "consistent"]
+_COLUMNS = ["frame_to", "method", "height_px", "width_px", "codec", "data", "consistent"]
 
 
 class Pair(NamedTuple):
@@ -32,6 +32,7 @@ class StoredFlow:
     Attributes:
         frame: where the flow starts.
         frame_to: where it ends.
+        method: what estimated it.
         height_px: image height.
         width_px: image width.
         codec: of `data`.
@@ -41,6 +42,7 @@ class StoredFlow:
 
     frame: int
     frame_to: int
+    method: str
     height_px: int
     width_px: int
     codec: str

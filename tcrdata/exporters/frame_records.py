@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar
 
 import pyarrow as pa
 
-from tcrdata.exporters.labels import ExportOptions, SequenceLabels
+from tcrdata.exporters.frame_images import EncodedImage, FrameImages
+from tcrdata.exporters.labels import ChosenLabels, ExportOptions, SequenceLabels
+from tcrdata.exporters.refusals import check_name
+
+T = TypeVar("T")
 
 FRAME = {
     "dataset": pa.string(),
@@ -52,6 +56,59 @@ def records(part: SequenceLabels, category: str) -> Iterator[dict[str, Any]]:
     frames = part.frames.select(list(FRAME)).to_pylist()
     for row, labels in part.by_frame():
         yield {**frames[row], "objects": objects[labels]}
+
+
+def named_sequences(chosen: ChosenLabels) -> Iterator[SequenceLabels]:
+    """Yield the sequences of an export whose samples are named for them.
+
+    Raises:
+        SettingsError: two datasets have a sequence of one name.
+    """
+    owners: dict[str, str] = {}
+    for part in chosen.sequences():
+        check_name(owners, part)
+        yield part
+
+
+def pictured_records(
+    part: SequenceLabels, options: ExportOptions
+) -> Iterator[tuple[dict[str, Any], EncodedImage | None]]:
+    """Yield each frame's record and its image's bytes; None without one, or where none is wanted.
+
+    Raises:
+        FrameError: an image is gone since the build.
+    """
+    files = FrameImages(part)
+    for row, record in enumerate(records(part, options.category)):
+        wanted = files.has_image(row) and not options.labels_only
+        yield record, files.encoded(row) if wanted else None
+
+
+def runs_of(items: Iterator[T], size: Callable[[T], int], limit: int) -> Iterator[Iterator[T]]:
+    """Share items out to files: yield runs of them whose sizes stay within a limit together.
+
+    An item larger than that is a run of its own. Each run is to be used up before the next.
+
+    Args:
+        items: not None.
+        size: of an item, bytes.
+        limit: bytes of a file.
+    """
+    waiting = next(items, None)
+
+    def run() -> Iterator[T]:
+        nonlocal waiting
+        left = limit
+        while waiting is not None:
+            item = waiting
+            yield item
+            left -= size(item)
+            waiting = next(items, None)
+            if waiting is not None and size(waiting) > left:
+                return
+
+    while waiting is not None:
+        yield run()
 
 
 def conventions(options: ExportOptions) -> tuple[tuple[str, str], ...]:

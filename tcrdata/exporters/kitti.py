@@ -42,6 +42,7 @@ from tcrdata.exporters.labels import (
 )
 from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames
 from tcrdata.exporters.refusals import check_shown
+from tcrdata.exporters.text_files import write_texts
 from tcrdata.store import Store
 from tcrdata.types import BoolArray
 
@@ -113,9 +114,8 @@ def _written(part: SequenceLabels) -> BoolArray:
 def _write_labels(training: Path, part: SequenceLabels, names: list[str], category: str) -> None:
     """Write the file of every frame, empty ones too."""
     lines = _lines(part, category)
-    for row, labels in part.by_frame():
-        text = "".join(lines[labels])
-        (training / "label_2" / f"{names[row]}.txt").write_text(text, encoding="ascii")
+    texts = ((f"{names[row]}.txt", "".join(lines[labels])) for row, labels in part.by_frame())
+    write_texts(training / "label_2", texts)
 
 
 def _lines(part: SequenceLabels, category: str) -> list[str]:

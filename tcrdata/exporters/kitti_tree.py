@@ -7,6 +7,7 @@ P0 to P3, R0_rect, Tr_velo_to_cam and Tr_imu_to_velo.
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from tcrdata.exporters.cameras import camera_poses
 from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_points import FramePoints, lidar_poses
 from tcrdata.exporters.labels import SequenceLabels
+from tcrdata.exporters.text_files import write_texts
 from tcrdata.geometry.transforms import inverse
 from tcrdata.types import FloatArray
 
@@ -67,9 +69,15 @@ def make_folders(folder: Path, names: tuple[str, ...]) -> Path:
 
 def write_calibrations(training: Path, part: SequenceLabels, names: list[str]) -> None:
     """Write `calib/<name>.txt` of every frame."""
+    files = (f"{name}.txt" for name in names)
+    write_texts(training / "calib", zip(files, _calibrations(part), strict=True))
+
+
+def _calibrations(part: SequenceLabels) -> Iterator[str]:
+    """The text of every frame's calibration."""
     cameras, transforms = projections(part), lidar_to_camera(part)
     text = ""
-    for row, name in enumerate(names):
+    for row in range(len(cameras)):
         same = (
             row > 0
             and np.array_equal(cameras[row], cameras[row - 1])
@@ -77,7 +85,7 @@ def write_calibrations(training: Path, part: SequenceLabels, names: list[str]) -
         )
         if not same:
             text = _calibration(cameras[row], transforms[row])
-        (training / "calib" / f"{name}.txt").write_text(text, encoding="ascii")
+        yield text
 
 
 def place_images(training: Path, part: SequenceLabels, names: list[str]) -> None:

@@ -16,6 +16,7 @@ import pyarrow as pa
 from tcrdata.errors import MissingEvidenceError, TcrdataError
 from tcrdata.exporters.arrays import by_sequence, columns, rows_at, truths, whole_numbers
 from tcrdata.exporters.refusals import check_dataset, check_validation, no_labels
+from tcrdata.exporters.tracklets import tracklets_as_labels
 from tcrdata.exporters.where import keep, lock
 from tcrdata.reports import run_report
 from tcrdata.store import Store
@@ -42,6 +43,7 @@ class ExportOptions:
         overwrite: write into a folder that is not empty.
         validation: sequences that formats with splits put into their validation split.
         labels_only: write no images and no points, nor links to them.
+        tracklets: write what `tcrdata track` made of the labels in their place.
     """
 
     where: str | None = None
@@ -51,6 +53,7 @@ class ExportOptions:
     overwrite: bool = False
     validation: tuple[str, ...] = ()
     labels_only: bool = False
+    tracklets: bool = False
 
 
 @dataclass(frozen=True)
@@ -226,8 +229,10 @@ def chosen_labels(
         MissingEvidenceError: there is no such selection, or nothing to export; says why.
     """
     tables = _READ if options.where is None else [t for t in table_names() if not is_view(t)]
-    connection = store.connect(tables=tables)
+    connection = store.connect(tables=[*tables, "tracklets"] if options.tracklets else tables)
     try:
+        if options.tracklets:
+            tracklets_as_labels(connection, selection_id)
         judged = _selection(connection, selection_id)
         store.add_snapshot(connection, judged["snapshot"], _JUDGED)
         connection.execute(f"set search_path = '{_JUDGED},main'")

@@ -24,6 +24,7 @@ from tcrdata.exporters.labels import (
     open_folder,
 )
 from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames
+from tcrdata.exporters.text_files import write_texts
 from tcrdata.store import Store
 from tcrdata.types import FloatArray
 
@@ -111,12 +112,15 @@ def _write_labels(
     """Write the labels of every frame, empty files too, and its ignore regions where it has any."""
     lines = [" ".join([f"{value:.6f}" for value in box]) for box in boxes.tolist()]
     positive = part.positive.tolist()
+    texts, ignored = [], []
     for row, labels in part.by_frame():
+        file = f"{names[row]}.txt"
         of_frame = list(zip(lines[labels], positive[labels], strict=True))
-        text = "".join(f"{line} {category}\n" for line, kept in of_frame if kept)
-        (folder / "labels" / f"{names[row]}.txt").write_text(text, encoding="utf-8")
-        if ignored := "".join(f"{line} {_IGNORED}\n" for line, kept in of_frame if not kept):
-            (folder / "ignored" / f"{names[row]}.txt").write_text(ignored, encoding="utf-8")
+        texts.append((file, "".join(f"{line} {category}\n" for line, kept in of_frame if kept)))
+        if undecided := "".join(f"{line} {_IGNORED}\n" for line, kept in of_frame if not kept):
+            ignored.append((file, undecided))
+    write_texts(folder / "labels", texts)
+    write_texts(folder / "ignored", ignored)
 
 
 def _write_points(folder: Path, part: SequenceLabels, names: list[str]) -> None:

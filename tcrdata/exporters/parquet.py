@@ -15,8 +15,14 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tcrdata.exporters.frame_images import FrameImages
-from tcrdata.exporters.frame_records import FRAME, OBJECT, conventions, records
+from tcrdata.exporters.frame_records import (
+    FRAME,
+    OBJECT,
+    conventions,
+    named_sequences,
+    pictured_records,
+    runs_of,
+)
 from tcrdata.exporters.labels import (
     Card,
     ChosenLabels,
@@ -25,7 +31,6 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
-from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
 
 SHARD_BYTES = 512_000_000
@@ -96,17 +101,11 @@ def _feature(kind: pa.DataType) -> Any:
 def _write(folder: Path, groups: Iterator[pa.Table], limit: int) -> list[Path]:
     """Write a row group for each table into files of about so many bytes; returns their names."""
     begun: list[Path] = []
-    waiting = next(groups, None)
-    while waiting is not None:
+    for run in runs_of(groups, lambda group: int(group.nbytes), limit):
         begun.append(folder / f"begun-{len(begun):05d}.parquet")
-        left = limit
-        with pq.ParquetWriter(begun[-1], waiting.schema, compression="zstd") as writer:
-            while waiting is not None:
-                writer.write_table(waiting)
-                left -= waiting.nbytes
-                waiting = next(groups, None)
-                if waiting is not None and waiting.nbytes > left:
-                    break
+        with pq.ParquetWriter(begun[-1], schema(), compression="zstd") as writer:
+            for group in run:
+                writer.write_table(group)
     return begun
 
 
@@ -119,22 +118,18 @@ def _name(folder: Path, begun: list[Path]) -> None:
 
 
 def _groups(chosen: ChosenLabels, options: ExportOptions) -> Iterator[pa.Table]:
-    owners: dict[str, str] = {}
     kind = schema()
-    for part in chosen.sequences():
-        check_name(owners, part)
+    for part in named_sequences(chosen):
         rows = _rows(part, options)
         while group := list(islice(rows, _FRAMES_A_GROUP)):
             yield pa.Table.from_pylist(group, schema=kind)
 
 
 def _rows(part: SequenceLabels, options: ExportOptions) -> Iterator[dict[str, Any]]:
-    files = FrameImages(part)
-    for row, record in enumerate(records(part, options.category)):
-        image = None
-        if files.has_image(row) and not options.labels_only:
-            image = {"bytes": files.encoded(row).data, "path": files.name(row)}
-        yield {"image": image, **record}
+    for record, image in pictured_records(part, options):
+        name = f"{part.sequence}/{record['frame']:06d}"
+        file = None if image is None else {"bytes": image.data, "path": name + image.suffix}
+        yield {"image": file, **record}
 
 
 def _readme(card: Card, frames: int) -> str:

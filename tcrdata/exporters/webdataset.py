@@ -13,8 +13,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tcrdata.exporters.frame_images import FrameImages
-from tcrdata.exporters.frame_records import conventions, records
+from tcrdata.exporters.frame_records import (
+    conventions,
+    named_sequences,
+    pictured_records,
+    runs_of,
+)
 from tcrdata.exporters.labels import (
     Card,
     ChosenLabels,
@@ -22,7 +26,6 @@ from tcrdata.exporters.labels import (
     chosen_labels,
     open_folder,
 )
-from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
 
 SHARD_BYTES = 512_000_000
@@ -78,15 +81,9 @@ def export(
 
 
 def _samples(chosen: ChosenLabels, options: ExportOptions) -> Iterator[_Sample]:
-    owners: dict[str, str] = {}
-    for part in chosen.sequences():
-        check_name(owners, part)
-        files = FrameImages(part)
-        for row, record in enumerate(records(part, options.category)):
-            members = {}
-            if files.has_image(row) and not options.labels_only:
-                image = files.encoded(row)
-                members[image.suffix] = image.data
+    for part in named_sequences(chosen):
+        for record, image in pictured_records(part, options):
+            members = {} if image is None else {image.suffix: image.data}
             members[".json"] = _ENCODER.encode(record).encode()
             yield _Sample(f"{part.sequence}/{record['frame']:06d}", members)
 
@@ -94,18 +91,12 @@ def _samples(chosen: ChosenLabels, options: ExportOptions) -> Iterator[_Sample]:
 def _write(folder: Path, samples: Iterator[_Sample], limit: int) -> tuple[int, int]:
     """Write samples into shards; returns how many shards, and how many samples with an image."""
     shards, images = 0, 0
-    waiting = next(samples, None)
-    while waiting is not None:
-        # A tar file ends with empty blocks, up to a whole record.
-        left = limit - tarfile.RECORDSIZE
+    # A tar file ends with empty blocks, up to a whole record.
+    for run in runs_of(samples, lambda sample: sample.size, limit - tarfile.RECORDSIZE):
         with tarfile.open(folder / _shard_name(shards), "w") as tar:
-            while waiting is not None:
-                _add(tar, waiting)
-                left -= waiting.size
-                images += len(waiting.members) > 1
-                waiting = next(samples, None)
-                if waiting is not None and waiting.size > left:
-                    break
+            for sample in run:
+                _add(tar, sample)
+                images += len(sample.members) > 1
         shards += 1
     return shards, images
 

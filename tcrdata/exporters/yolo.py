@@ -25,6 +25,7 @@ from tcrdata.exporters.labels import (
     open_folder,
 )
 from tcrdata.exporters.refusals import check_images, check_name, check_shown
+from tcrdata.exporters.text_files import write_texts
 from tcrdata.store import Store
 from tcrdata.types import BoolArray
 
@@ -89,25 +90,34 @@ def _write(folder: Path, part: SequenceLabels, counts: _Counts) -> list[str]:
     (folder / "labels" / part.sequence).mkdir(parents=True, exist_ok=True)
     lines, shown = _lines(part)
     positive = part.positive
-    names = []
+    names, texts, ignored = [], [], []
     for row, labels in part.by_frame():
         if not files.has_image(row):
             continue
         names.append(files.name(row))
-        text = Path(files.name(row)).with_suffix(".txt")
+        text = Path(files.name(row)).with_suffix(".txt").name
         own = np.arange(labels.start, labels.stop)[shown[labels]]
         kept, undecided = own[positive[own]], own[~positive[own]]
-        (folder / "labels" / text).write_text("".join([lines[n] for n in kept]), encoding="ascii")
-        target = folder / "ignore" / text
-        target.unlink(missing_ok=True)
+        texts.append((text, "".join([lines[n] for n in kept])))
         if len(undecided):
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text("".join([lines[n] for n in undecided]), encoding="ascii")
-            counts.ignore_files += 1
+            ignored.append((text, "".join([lines[n] for n in undecided])))
         counts.positive += len(kept)
         counts.ignored += len(undecided)
+    write_texts(folder / "labels" / part.sequence, texts)
+    _write_ignored(folder / "ignore" / part.sequence, [text for text, _ in texts], ignored)
     counts.images += len(names)
+    counts.ignore_files += len(ignored)
     return names
+
+
+def _write_ignored(folder: Path, frames: list[str], texts: list[tuple[str, str]]) -> None:
+    """Write the undecided labels of a sequence; those of a former export's frames go."""
+    if folder.is_dir():
+        for name in frames:
+            (folder / name).unlink(missing_ok=True)
+    if texts:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_texts(folder, texts)
 
 
 def _lines(part: SequenceLabels) -> tuple[list[str], BoolArray]:

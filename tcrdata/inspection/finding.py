@@ -58,12 +58,7 @@ def find_by_id(drives: Drives, selection: Mapping[str, Any], proposal_id: str) -
     if not drives.holds(selection, dataset, sequence):
         raise _no_drive(drives, selection, f"{dataset}/{sequence}")
     connection = drives.connection(selection, dataset, sequence)
-    near = connection.execute(
-        "select proposal_id from proposals order by levenshtein(proposal_id, $1), 1 limit $2"
-        if not _is_there(connection, proposal_id)
-        else "select $1 limit $2",
-        [proposal_id, _NEAR],
-    ).fetchall()
+    near = run_report(connection, "why_near_ids", {"asked_id": proposal_id}).fetchall()
     if (proposal_id,) not in near:
         names = ", ".join(name for (name,) in near) or "none"
         raise MissingEvidenceError(
@@ -131,13 +126,6 @@ def parse_place(text: str) -> tuple[float, float]:
             "--at 3.5,12 or --at=-2,8.5"
         )
     return x, z
-
-
-def _is_there(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> bool:
-    rows = connection.execute(
-        "select 1 from proposals where proposal_id = $1 limit 1", [proposal_id]
-    )
-    return bool(rows.fetchall())
 
 
 def _drive_named(drives: Drives, selection: Mapping[str, Any], name: str | None) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from decimal import Decimal
 
 import duckdb
 
+from tcrdata.reports import run_report
 from tcrdata.rules import RuleText
 from tcrdata.rules.binding import EVIDENCE_TABLES, KEY_COLUMNS
 from tcrdata.rules.scopes import scoped
@@ -65,16 +66,14 @@ def passing_value(
         verdict = rule.select({**literals, parameter.name: "tried_values.tried_value"})
         present = literals.get(parameter.name, parameter.literal)
         branches.append(
-            f"select '{parameter.name}' as parameter, tried_values.*, "
-            f"abs(tried_value - {present}) / greatest(abs({present}), 1e-9) as change "
-            f"from tried_values, lateral ({scoped(verdict, tuple(relations), relations)}) "
-            "where passed"
+            f"select '{parameter.name}' as parameter, tried_values.*, {present} as present, passed "
+            f"from tried_values, lateral ({scoped(verdict, tuple(relations), relations)})"
         )
-    rows = connection.execute(
-        f"with tried_values(text, tried_value, place, few_digits) as (values {', '.join(values)}) "
-        "select parameter, text from (" + "\nunion all\n".join(branches) + ") "
-        "order by place, not few_digits, change, parameter, text limit 1"
-    ).fetchall()
+    trials = (
+        f"with tried_values(text, tried_value, place, few_digits) as (values {', '.join(values)})\n"
+        + "\nunion all\n".join(branches)
+    )
+    rows = run_report(connection, "why_trials", {"trials": trials}).fetchall()
     return (str(rows[0][0]), str(rows[0][1])) if rows else None
 
 

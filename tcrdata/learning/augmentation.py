@@ -26,16 +26,24 @@ class SweepAugmentation:
         erased_px: side of the square of pixels that is erased near an object's centre, with the
             points that project into it; 0 erases none.
         erased_most: share of an object's points that may go so: the whole object never does.
+        pasted: copies of labelled objects that are tried elsewhere in the sweep.
+        pasted_farther: a copy is up to so many times as far away, and the sparser for it.
+        pasted_stretch: each side of a copy grows or shrinks by up to this share.
+        pasted_hidden_share: a copy of which nearer things hide more is dropped.
     """
 
     enabled: bool = True
-    yaw_rad: float = 0.6
+    yaw_rad: float = np.pi
     flip: bool = True
     scale: float = 0.05
     dropped_share: float = 0.4
     height_jitter_m: float = 0.05
     erased_px: float = 20.0
     erased_most: float = 0.5
+    pasted: int = 4
+    pasted_farther: float = 2.0
+    pasted_stretch: float = 0.15
+    pasted_hidden_share: float = 0.5
 
 
 @dataclass(frozen=True)

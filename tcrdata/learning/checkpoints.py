@@ -23,7 +23,7 @@ class ModelIdentity:
     """All that a model follows from.
 
     Attributes:
-        kind: detector or segmenter.
+        kind: detector, segmenter or flow.
         network: its module.
         labels_round: EM round of the labels.
         selection_id: of the labels.

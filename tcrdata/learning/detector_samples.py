@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from tcrdata.learning.augmentation import (
     drawn_change,
     erased_points,
 )
+from tcrdata.learning.pasting import Cloud, labelled_objects, with_copies
 from tcrdata.networks.center_targets import LabelBoxes, TargetSettings
 from tcrdata.networks.grids import Region, Sweep, pixel_colours, projected
 from tcrdata.types import BoolArray, Float32Array
@@ -45,42 +46,48 @@ class DetectorSamples:
         """Return `input`, the targets of the network, and `key` (which frame it is)."""
         module = registry.find("networks", self.network)
         region = self.network_settings.region.coarser(self.network_settings.stride)
-        labels, change = label_boxes(row), drawn_change(self.augmentation, rng)
-        row, xyz = self._kept(row, labels, change, region, rng)
-        labels = change.labels(labels)
-        known = known_background(row, xyz[unsure_points(row, xyz, labels)], labels, region)
+        change = drawn_change(self.augmentation, rng)
+        cloud, labels = self._changed(row, change, region, rng)
+        unsure = cloud.xyz[unsure_points(row, cloud, labels)]
+        known = known_background(row, unsure, labels, region)
         made = module.targets_of(labels, known, self.network_settings, self.targets)
-        height = row["height_m"].astype(np.float32) * np.float32(change.scale / row["metric_scale"])
-        colours = pixel_colours(row.get("image"), row["camera"], row["points"])
-        sweep = Sweep(xyz, height + np.float32(change.shift_m), row["ground"], colours)
+        colours = pixel_colours(row.get("image"), row["camera"], row["points"])[cloud.origin]
+        height = cloud.height_m + np.float32(change.shift_m)
+        sweep = Sweep(cloud.xyz, height, cloud.ground, colours)
         key = f"{row['dataset']}/{row['sequence']}/{row['frame']:06d}"
         return {"input": module.image_of(sweep, self.network_settings), **made, "key": key}
 
-    def _kept(
+    def _changed(
         self,
         row: dict[str, Any],
-        labels: LabelBoxes,
         change: SweepChange,
         region: Region,
         rng: np.random.Generator,
-    ) -> tuple[dict[str, Any], Float32Array]:
-        """Return the row with the points left in the region, and their new places."""
-        own = row["points"] / np.float32(row["metric_scale"])
-        xyz = change.points(own)
-        kept = region.cells(xyz[:, 0], xyz[:, 2])[1]
-        kept &= rng.random(len(xyz), dtype=np.float32) >= change.dropped_share
-        chosen = np.flatnonzero(kept)
-        if self.augmentation.enabled and self.augmentation.erased_px > 0:
-            pixels = projected(row["camera"], row["points"][chosen])
-            gone = erased_points(own[chosen], labels, pixels, self.augmentation, rng)
-            chosen = chosen[~gone]
-        count = len(xyz)
-        arrays = {
-            name: value[chosen]
-            for name, value in row.items()
-            if name != "image" and isinstance(value, np.ndarray) and len(value) == count
-        }
-        return {**row, **arrays}, xyz[chosen].astype(np.float32)
+    ) -> tuple[Cloud, LabelBoxes]:
+        """Return the points left in the region and the labels, both at their new places."""
+        labels, own = label_boxes(row), self.augmentation
+        cloud = cloud_of(row)
+        dropped = rng.random(len(cloud.xyz), dtype=np.float32) < change.dropped_share
+        cloud = cloud.chosen(~dropped)
+        scaled = cloud.height_m * np.float32(change.scale)
+        whole = replace(cloud, xyz=change.points(cloud.xyz), height_m=scaled)
+        kept = np.flatnonzero(region.cells(whole.xyz[:, 0], whole.xyz[:, 2])[1])
+        if own.enabled and own.erased_px > 0:
+            xyz = cloud.xyz[kept]
+            pixels = projected(row["camera"], xyz * np.float32(row["metric_scale"]))
+            kept = kept[~erased_points(xyz, labels, pixels, own, rng)]
+        labels = change.labels(labels)
+        if not own.enabled:
+            return whole.chosen(kept), labels
+        objects = labelled_objects(whole, labels)
+        return with_copies(whole.chosen(kept), labels, objects, region, own, rng)
+
+
+def cloud_of(row: dict[str, Any]) -> Cloud:
+    """Return the points of a row, in metres of a road scene."""
+    scale = np.float32(row["metric_scale"])
+    height = row["height_m"].astype(np.float32) / scale
+    return Cloud(row["points"] / scale, height, row["ground"], np.arange(len(height)))
 
 
 def label_boxes(row: dict[str, Any]) -> LabelBoxes:
@@ -94,16 +101,16 @@ def label_boxes(row: dict[str, Any]) -> LabelBoxes:
     return LabelBoxes(boxes, positive, moving)
 
 
-def unsure_points(row: dict[str, Any], xyz: Float32Array, labels: LabelBoxes) -> BoolArray:
+def unsure_points(row: dict[str, Any], cloud: Cloud, labels: LabelBoxes) -> BoolArray:
     """Return (N,) which points may belong to an object nobody has labelled.
 
     Those are not ground, not surely static by the row's bound, and in no positive label.
     """
-    static = row["votes_static"]
-    surely = (static >= row["least_static_votes"]) & (static > row["votes_free"])
-    unsure = np.asarray(~row["ground"] & ~surely)
+    static, free = (row[name][cloud.origin] for name in ("votes_static", "votes_free"))
+    surely = (static >= row["least_static_votes"]) & (static > free)
+    unsure = np.asarray(~cloud.ground & ~surely)
     for box in labels.boxes[labels.positive]:
-        unsure[points_in_box(xyz, box, 0.3)] = False
+        unsure[points_in_box(cloud.xyz, box, 0.3)] = False
     return unsure
 
 

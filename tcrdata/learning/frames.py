@@ -15,6 +15,7 @@ from tcrdata import registry
 from tcrdata.errors import MissingEvidenceError, QueryError
 from tcrdata.ingest import frame_of_row
 from tcrdata.learning.training_queries import (
+    FLOWS,
     SOURCES,
     TrainingQuery,
     load_training_query,
@@ -23,11 +24,11 @@ from tcrdata.learning.training_queries import (
 )
 from tcrdata.plan import ROUND
 from tcrdata.store import FileEntry, Store, open_store
-from tcrdata.store.arrays import decode_points
+from tcrdata.store.arrays import decode_flow, decode_points
 from tcrdata.types import Dataset
 
 TABLES = ("labels", "selections", "sequences", "frames", "images", "sweeps", "point_evidence",
-          "proposals", "confidences", "egomotions", "tracklets")  # fmt: skip
+          "flows", "proposals", "confidences", "egomotions", "tracklets")  # fmt: skip
 """What a training query may read; ground truth is not among it."""
 
 NEEDED = ("labels", "sequences", "frames", "images", "sweeps")
@@ -80,11 +81,12 @@ class Frames:
         """Return a frame: the query's columns, and what it reads.
 
         `frame_row` is replaced by `camera`, a `tcrdata.types.Frame`; `image` is (H, W, 3) uint8 or
-        None; `points` (N, 3) float32, level frame, metres; `reflectance` (N,); each cue (N,).
+        None; `points` (N, 3) float32, level frame, metres; `reflectance` (N,); each cue (N,);
+        `flow` and `flow_backward` (H, W, 2) float32, pixels.
 
         Raises:
             FrameError: a file of the dataset is gone or damaged.
-            MissingEvidenceError: a cue was not measured on the frame.
+            MissingEvidenceError: a cue or a flow was not measured on the frame.
         """
         (row,) = self._rows.slice(number, 1).to_pylist()
         dataset = self._dataset(row["dataset"], row["root"])
@@ -97,32 +99,47 @@ class Frames:
             cloud = dataset.read_points(frame)
             sample["points"], sample["reflectance"] = cloud.xyz, cloud.reflectance
         sample.update(self._evidence(row))
+        sample.update(self._flows(row))
         return sample
 
     def _evidence(self, row: Mapping[str, Any]) -> dict[str, Any]:
         """Return the cues that the query reads, one array each."""
         cues = [name for name in self.reads if name not in SOURCES]
-        if not cues:
-            return {}
-        entries = self._entries.get(("point_evidence", row["dataset"], row["sequence"]), [])
-        columns = ["cue", "codec", "data", "number_of_points"]
-        equals = {"frame": row["frame"]}
-        found = {
-            evidence["cue"]: evidence
-            for evidence in self._store.read_files(
-                "point_evidence", entries, columns, {}, equals
-            ).to_pylist()
-        }
-        if missing := [cue for cue in cues if cue not in found]:
-            raise MissingEvidenceError(
-                f"{row['dataset']}/{row['sequence']} frame {row['frame']}: no cue '{missing[0]}' "
-                f"in snapshot {self.snapshot}; build with a preset that measures it"
-            )
-        rows = [found[cue] for cue in cues]
+        columns = ["codec", "data", "number_of_points"]
+        found = self._encoded(row, "point_evidence", "cue", cues, columns)
         return {
-            row["cue"]: decode_points(row["codec"], row["data"], row["number_of_points"])
-            for row in rows
+            cue: decode_points(e["codec"], e["data"], e["number_of_points"])
+            for cue, e in zip(cues, found, strict=True)
         }
+
+    def _flows(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the flows that the query reads, one field each."""
+        names = [name for name in self.reads if name in FLOWS]
+        columns = ["codec", "data", "height_px", "width_px"]
+        directions = [FLOWS[name] for name in names]
+        found = self._encoded(row, "flows", "direction", directions, columns)
+        return {
+            name: decode_flow(e["codec"], e["data"], e["height_px"], e["width_px"])
+            for name, e in zip(names, found, strict=True)
+        }
+
+    def _encoded(
+        self, row: Mapping[str, Any], table: str, key: str, wanted: list[str], columns: list[str]
+    ) -> list[dict[str, Any]]:
+        """Return a frame's rows of a heavy table, one for each value of its key that is wanted."""
+        if not wanted:
+            return []
+        entries = self._entries.get((table, row["dataset"], row["sequence"]), [])
+        equals = {"frame": row["frame"], **({key: wanted[0]} if len(wanted) == 1 else {})}
+        rows = self._store.read_files(table, entries, [key, *columns], {}, equals).to_pylist()
+        found = {one[key]: one for one in rows}
+        if missing := [name for name in wanted if name not in found]:
+            raise MissingEvidenceError(
+                f"{row['dataset']}/{row['sequence']} frame {row['frame']}: no {key} "
+                f"'{missing[0]}' in {table} of snapshot {self.snapshot}; build with a preset that "
+                "measures it, or let the query leave such frames out"
+            )
+        return [found[name] for name in wanted]
 
     @cached_property
     def _rows(self) -> pa.Table:

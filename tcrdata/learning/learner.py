@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ from tcrdata.networks.trained import load_state
 from tcrdata.store import Store
 
 Batch = dict[str, Any]
+Objective = Callable[[Mapping[str, torch.Tensor], Batch], dict[str, torch.Tensor]]
 
 
 @dataclass(frozen=True)
@@ -50,9 +52,17 @@ class Learner:
     """
 
     def __init__(
-        self, kind: str, network: str, settings: Any, own: LearnerSettings, place: Place
+        self,
+        kind: str,
+        network: str,
+        settings: Any,
+        own: LearnerSettings,
+        place: Place,
+        *,
+        objective: Objective | None = None,
+        start: Mapping[str, torch.Tensor] | None = None,
     ) -> None:
-        """Make the network; the seed makes its weights.
+        """Make the network; the seed makes its weights, unless it starts from others.
 
         Args:
             kind: detector or segmenter.
@@ -60,14 +70,18 @@ class Learner:
             settings: of the network.
             own: how it learns.
             place: device and process.
+            objective: the parts of the loss, from outputs and batch; None for the kind's own.
+            start: weights to begin with; None for random ones.
         """
         torch.manual_seed(own.seed)
         self.network: nn.Module = registry.find("networks", network).make_network(settings)
+        if start is not None:
+            load_state(self.network, start, "the weights to start from")
         self.network.to(place.device, memory_format=torch.channels_last).train()
         self.averaged = copy.deepcopy(self.network)
         self.terms: list[dict[str, float]] = []
         self._own, self._device = own, torch.device(place.device).type
-        self._objective = OBJECTIVES[kind]
+        self._objective: Objective = objective or OBJECTIVES[kind]
         self._optimizer = torch.optim.AdamW(
             self.network.parameters(), weight_decay=own.weight_decay
         )

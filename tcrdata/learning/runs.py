@@ -61,8 +61,17 @@ class Recipe:
             return SegmenterSamples(self.augmentation)
         return DetectorSamples(self.network, self.network_settings, self.augmentation, self.targets)
 
-    def identity(self, selection_id: str, labels_round: int, snapshot: str) -> ModelIdentity:
-        """Return what a model of this recipe and data follows from."""
+    def identity(
+        self, selection_id: str, labels_round: int, snapshot: str, processes: int = 1
+    ) -> ModelIdentity:
+        """Return what a model of this recipe and data follows from.
+
+        Args:
+            selection_id: of the labels.
+            labels_round: EM round of the labels.
+            snapshot: the frozen list of files that is read.
+            processes: that learn together: each takes a batch a step.
+        """
         plain = {
             "network": settings.as_plain(self.network_settings),
             "loop": settings.as_plain(self.loop),
@@ -73,6 +82,8 @@ class Recipe:
         # Where and how often it is loaded and saved leaves the numbers as they are.
         for name in ("workers", "checkpoint_steps"):
             del plain["loop"][name]
+        if processes > 1:
+            plain["loop"]["processes"] = processes
         return ModelIdentity(
             self.kind, self.network, labels_round, selection_id, snapshot, self.query.text,
             plain, self.loop.seed,
@@ -143,9 +154,10 @@ def run_training(
     with training_place(device) as place:
         labels_round = _round_of(store, selection_id)
         if resume:
-            snapshot = _resumed_snapshot(store, recipe, selection_id, labels_round, snapshot)
+            wanted = recipe.identity(selection_id, labels_round, "", place.world_size)
+            snapshot = _resumed_snapshot(store, wanted, snapshot)
         snapshot = snapshot or freeze_training_tables(store)
-        model = recipe.identity(selection_id, labels_round, snapshot)
+        model = recipe.identity(selection_id, labels_round, snapshot, place.world_size)
         done = {row["model_id"]: row["finished"] for row in model_rows(store)}
         if done.get(model.model_id):
             return model, None
@@ -176,17 +188,14 @@ def _round_of(store: Store, selection_id: str) -> int:
     return int(rows["round"][0].as_py())
 
 
-def _resumed_snapshot(
-    store: Store, recipe: Recipe, selection_id: str, labels_round: int, snapshot: str | None
-) -> str:
+def _resumed_snapshot(store: Store, wanted: ModelIdentity, snapshot: str | None) -> str:
     """Return the snapshot of the unfinished model of this recipe."""
-    wanted = recipe.identity(selection_id, labels_round, "").recipe
     same = [
         row
         for row in model_rows(store)
-        if row["selection_id"] == selection_id
+        if row["selection_id"] == wanted.selection_id
         and snapshot in (None, row["snapshot"])
-        and _recipe_of(row) == wanted
+        and _recipe_of(row) == wanted.recipe
     ]
     open_ones = [row for row in same if not row["finished"]] or same
     if len(open_ones) == 1:
@@ -195,7 +204,7 @@ def _resumed_snapshot(
         names = ", ".join(sorted(row["snapshot"] for row in open_ones))
         raise SettingsError(f"several models could go on: give --snapshot, one of {names}")
     raise MissingEvidenceError(
-        f"{store.url}: no checkpoint of a {recipe.kind} with these settings and this selection "
+        f"{store.url}: no checkpoint of a {wanted.kind} with these settings and this selection "
         "to resume: see `tcrdata models`, or leave --resume out"
     )
 

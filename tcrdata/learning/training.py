@@ -17,7 +17,7 @@ from tcrdata.errors import TrainingError
 from tcrdata.learning.checkpoints import ModelIdentity, Progress, save_checkpoint
 from tcrdata.learning.devices import Place
 from tcrdata.learning.frames import Frames
-from tcrdata.learning.learner import Batch, Learner, LearnerSettings
+from tcrdata.learning.learner import Batch, Learner, LearnerSettings, Objective
 from tcrdata.learning.stream import FrameStream, Transform
 from tcrdata.store import Store
 
@@ -52,6 +52,7 @@ class Report:
     loss: float
     terms: Mapping[str, float] = field(default_factory=dict)
     frames_per_s: float = 0.0
+    learning_rate: float = 0.0
 
 
 def train(
@@ -65,6 +66,8 @@ def train(
     *,
     resume: bool = False,
     report: Callable[[Report], None] = lambda _: None,
+    objective: Objective | None = None,
+    start: Mapping[str, torch.Tensor] | None = None,
 ) -> Progress:
     """Train a network and commit its checkpoints; a resumed training gives the same losses.
 
@@ -77,27 +80,34 @@ def train(
         loop: the loop's own settings.
         place: device and process.
         resume: go on from the newest checkpoint.
-        report: called after each step.
+        report: called after each step, of several processes by the first alone.
+        objective: what is learnt; None for the objective of the model's kind.
+        start: weights to begin with; None for random ones.
 
     Raises:
         TrainingError: the loss is not finite; names the frames of the batch.
         StoreError: the checkpoint is damaged or another architecture's.
     """
     torch.set_num_threads(loop.threads)
-    learner = Learner(model.kind, model.network, network_settings, loop, place)
+    learner = Learner(
+        model.kind, model.network, network_settings, loop, place, objective=objective, start=start
+    )
     if resume:
         learner.restore(store, model)
     first, started = len(learner.terms), time.perf_counter()
     batches = _batches(frames, transform, loop, place, first)
     for step, batch in zip(range(first, loop.steps), batches, strict=False):
-        terms = learner.step(batch, one_cycle(step / loop.steps, loop.warm_up))
+        factor = one_cycle(step / loop.steps, loop.warm_up)
+        terms = learner.step(batch, factor)
         loss = sum(terms.values())
         if not math.isfinite(loss):
             raise _not_finite(step, terms, batch)
         done, seconds = step + 1, time.perf_counter() - started
         rate = (done - first) * loop.batch * place.world_size / seconds
-        report(Report(done, loop.steps, loss, terms, rate))
-        if place.rank == 0 and (done % loop.checkpoint_steps == 0 or done == loop.steps):
+        if place.rank > 0:
+            continue
+        report(Report(done, loop.steps, loss, terms, rate, factor * loop.learning_rate))
+        if done % loop.checkpoint_steps == 0 or done == loop.steps:
             save_checkpoint(store, model, _progress(learner, frames, loop), learner.parts())
     return _progress(learner, frames, loop)
 

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     import duckdb
 
 KEYS = ("dataset", "sequence", "frame")
-SOURCES = ("image", "points")
+FLOWS = {"flow": "forward", "flow_backward": "backward"}
+"""Names of flow that `-- reads:` may name, and the direction of each in the table `flows`."""
+
+SOURCES = ("image", "points", *FLOWS)
 """What `-- reads:` may name beside the cues of `point_evidence`."""
 
 _READS = re.compile(r"^--\s*reads:(.*(?:\n--   .*)*)", re.MULTILINE)
@@ -28,7 +31,7 @@ class TrainingQuery:
     Attributes:
         name: for messages.
         text: `set variable` lines and one select with columns dataset, sequence and frame.
-        reads: what is read for each frame: image, points, cues of `point_evidence`.
+        reads: what is read for each frame: image, points, flow, cues of `point_evidence`.
     """
 
     name: str

@@ -9,7 +9,7 @@ from typing import Literal
 import torch
 from torch import nn
 
-from tcrdata.networks.blocks import ConvNorm, Residual, UpAndAdd
+from tcrdata.networks.blocks import ConvNorm, Residual, UpAndAdd, blended
 from tcrdata.networks.center_heads import BIRDS_EYE_HEADS, CenterHeads
 from tcrdata.networks.center_targets import (
     LabelBoxes,
@@ -19,8 +19,8 @@ from tcrdata.networks.center_targets import (
 )
 from tcrdata.networks.grids import (
     BIRDS_EYE_EXTRAS,
+    GridSettings,
     HeightSlices,
-    Region,
     Sweep,
     birds_eye_image,
 )
@@ -30,44 +30,26 @@ KIND: Literal["detector"] = "detector"
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The network's size; lengths are metres of a road scene.
+class Settings(GridSettings):
+    """The network's size; outputs are twice as large as input cells.
 
     Attributes:
-        lateral_m: half width of the region.
-        far_m: depth of the region.
-        cell_m: input cells; outputs are twice as large.
         slices: height slices of 0.25 m above the ground.
         widths: channels at strides 2, 4 and 8.
         head_width: hidden channels of a head.
     """
 
     lateral_m: float = 20.0
+    near_m: float = 0.0
     far_m: float = 40.0
-    cell_m: float = 0.25
     slices: int = 12
     widths: tuple[int, ...] = (24, 48, 72)
     head_width: int = 24
 
     @property
-    def region(self) -> Region:
-        """The ground covered, in input cells."""
-        return Region(self.lateral_m, 0.0, self.far_m, self.cell_m)
-
-    @property
     def height_slices(self) -> HeightSlices:
         """How heights are cut."""
         return HeightSlices(self.slices)
-
-    @property
-    def stride(self) -> int:
-        """Input cells a side of an output cell."""
-        return 2
-
-    @property
-    def volume_top_m(self) -> float | None:
-        """The outputs are seen from above: no height is told."""
-        return None
 
 
 class BirdsEyeDetector(nn.Module):
@@ -94,10 +76,7 @@ class BirdsEyeDetector(nn.Module):
         levels = [self.stem(image)]
         for stage in self.down:
             levels.append(stage(levels[-1]))
-        features = levels.pop()
-        for blend in reversed(self.up):
-            features = blend(features, levels.pop())
-        outputs: dict[str, torch.Tensor] = self.heads(features)
+        outputs: dict[str, torch.Tensor] = self.heads(blended(levels, self.up))
         return outputs
 
 

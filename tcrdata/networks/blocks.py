@@ -45,3 +45,16 @@ class UpAndAdd(nn.Module):
         """(B, coarse, h, w) and (B, fine, H, W) to (B, fine, H, W)."""
         narrow = nn.functional.interpolate(self.narrow(coarse), fine.shape[-2:], mode="nearest")
         return self.blend(narrow + fine)
+
+
+def blended(levels: list[torch.Tensor], up: nn.ModuleList) -> torch.Tensor:
+    """Return the finest level with all coarser ones brought up to it.
+
+    Args:
+        levels: features from fine to coarse, (B, channels, H, W) each.
+        up: an `UpAndAdd` for each pair of neighbours, from fine to coarse.
+    """
+    features = levels[-1]
+    for blend, fine in zip(reversed(up), reversed(levels[:-1]), strict=True):
+        features = blend(features, fine)
+    return features

@@ -57,6 +57,38 @@ class Region:
 
 
 @dataclass(frozen=True)
+class GridSettings:
+    """The ground that a detector covers, in metres of a road scene; the released code's.
+
+    Attributes:
+        lateral_m: half width of the region.
+        near_m: nearest z.
+        far_m: farthest z.
+        cell_m: side of an input's cell seen from above.
+    """
+
+    lateral_m: float = 16.0
+    near_m: float = 2.0
+    far_m: float = 34.0
+    cell_m: float = 0.25
+
+    @property
+    def region(self) -> Region:
+        """The ground covered, in input cells."""
+        return Region(self.lateral_m, self.near_m, self.far_m, self.cell_m)
+
+    @property
+    def stride(self) -> int:
+        """Input cells a side of an output cell."""
+        return 2
+
+    @property
+    def volume_top_m(self) -> float | None:
+        """Y of an output volume's upper face; None where the outputs are seen from above."""
+        return None
+
+
+@dataclass(frozen=True)
 class HeightSlices:
     """How the points above a cell are cut.
 

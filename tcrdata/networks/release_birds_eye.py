@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import nn
 
-from tcrdata.networks.blocks import ConvNorm, Residual, UpAndAdd
+from tcrdata.networks.blocks import ConvNorm, Residual, UpAndAdd, blended
 from tcrdata.networks.center_heads import BIRDS_EYE_HEADS, CenterHeads
 from tcrdata.networks.center_targets import (
     LabelBoxes,
@@ -24,21 +24,17 @@ from tcrdata.networks.center_targets import (
     center_targets,
     segmentation_targets,
 )
-from tcrdata.networks.grids import Region, Sweep, voxel_image
+from tcrdata.networks.grids import GridSettings, Sweep, voxel_image
 from tcrdata.types import BoolArray, Float32Array
 
 KIND: Literal["detector"] = "detector"
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The network's size; lengths are metres of a road scene.
+class Settings(GridSettings):
+    """The network's size; outputs are four times as large as input cells.
 
     Attributes:
-        lateral_m: half width of the region.
-        near_m: nearest z.
-        far_m: farthest z.
-        cell_m: side of an input's cell from above; outputs are four times as large.
         top_m: y of the region's upper face; y points down from the camera.
         layer_m: height of an input's layer.
         layers: layers of the input.
@@ -48,9 +44,6 @@ class Settings:
         head_width: hidden channels of a head.
     """
 
-    lateral_m: float = 16.0
-    near_m: float = 2.0
-    far_m: float = 34.0
     cell_m: float = 0.125
     top_m: float = -2.0
     layer_m: float = 0.25
@@ -61,19 +54,9 @@ class Settings:
     head_width: int = 64
 
     @property
-    def region(self) -> Region:
-        """The ground covered, in input cells."""
-        return Region(self.lateral_m, self.near_m, self.far_m, self.cell_m)
-
-    @property
     def stride(self) -> int:
         """Input cells a side of an output cell."""
         return 4
-
-    @property
-    def volume_top_m(self) -> float | None:
-        """The outputs are seen from above: no height is told."""
-        return None
 
 
 class ReleaseBirdsEyeDetector(nn.Module):
@@ -100,10 +83,7 @@ class ReleaseBirdsEyeDetector(nn.Module):
         for stage in self.stages:
             features = stage(features)
             levels.append(features)
-        features = levels.pop()
-        for blend in reversed(self.up):
-            features = blend(features, levels.pop())
-        outputs: dict[str, torch.Tensor] = self.heads(features)
+        outputs: dict[str, torch.Tensor] = self.heads(blended(levels, self.up))
         return outputs
 
 

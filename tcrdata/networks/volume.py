@@ -19,7 +19,7 @@ from tcrdata.networks.center_targets import (
     TargetSettings,
     center_targets,
 )
-from tcrdata.networks.grids import Region, Sweep, voxel_image
+from tcrdata.networks.grids import GridSettings, Sweep, voxel_image
 from tcrdata.types import BoolArray, Float32Array
 
 KIND: Literal["detector"] = "detector"
@@ -29,38 +29,20 @@ HEADS = {"center": 1, "offset": 3, "log_size": 3, "heading": HEADING_BINS}
 
 
 @dataclass(frozen=True)
-class Settings:
-    """The network's size; lengths are metres of a road scene.
+class Settings(GridSettings):
+    """The network's size; a voxel is a cube of `cell_m`, outputs are twice as large.
 
     Attributes:
-        lateral_m: half width of the region.
-        near_m: nearest z.
-        far_m: farthest z.
-        cell_m: side of a voxel; outputs are twice as large.
         top_m: y of the region's upper face; y points down from the camera.
         layers: voxels along y.
         widths: channels at strides 2, 4 and 8.
         head_width: hidden channels of a head.
     """
 
-    lateral_m: float = 16.0
-    near_m: float = 2.0
-    far_m: float = 34.0
-    cell_m: float = 0.25
     top_m: float = -2.0
     layers: int = 16
     widths: tuple[int, ...] = (16, 32, 64)
     head_width: int = 16
-
-    @property
-    def region(self) -> Region:
-        """The ground covered, in input cells."""
-        return Region(self.lateral_m, self.near_m, self.far_m, self.cell_m)
-
-    @property
-    def stride(self) -> int:
-        """Input cells a side of an output cell."""
-        return 2
 
     @property
     def volume_top_m(self) -> float | None:

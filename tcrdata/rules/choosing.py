@@ -66,6 +66,18 @@ def labels_of(
     relations: Relations,
 ) -> pa.Table:
     """The accepted proposals and those left undecided, with all columns of `labels`."""
+    _decide(connection, presets)
+    return connection.sql(
+        f"with carriers as (select carried, place, {_carried_by(presets, panel)} as carried_by "
+        "from (select distinct carried, place from decided)) "
+        f"select {_label_columns(presets)} from {relations['proposals']} p "
+        "join decided d using (proposal_id) join carriers c using (carried, place) "
+        "order by p.dataset, p.sequence, p.frame, p.proposal_id"
+    ).to_arrow_table()
+
+
+def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset]) -> None:
+    """Make the table `decided`: state and score of what becomes a label, and for which preset."""
     connection.execute(
         "create or replace temp table candidates as "
         "select s.*, c.state, c.score, c.place from chosen c join survivors s using (proposal_id)"
@@ -84,14 +96,16 @@ def labels_of(
         decided += (
             f" union all select proposal_id, 'ignore', score, carried, place from ({undecided})"
         )
-    return connection.sql(
-        f"with decided as materialized ({decided}), "
-        f"carriers as (select carried, place, {_carried_by(presets, panel)} as carried_by "
-        "from (select distinct carried, place from decided)) "
-        f"select {_label_columns(presets)} from {relations['proposals']} p "
-        "join decided d using (proposal_id) join carriers c using (carried, place) "
-        "order by p.dataset, p.sequence, p.frame, p.proposal_id"
-    ).to_arrow_table()
+    connection.execute(f"create or replace temp table decided as {decided}")
+
+
+def labels_in(connection: duckdb.DuckDBPyConnection) -> tuple[int, int]:
+    """How many of the labels that `labels_of` gave are positive, and how many undecided."""
+    ((positive, undecided),) = connection.execute(
+        "select count(*) filter (state = 'positive'), count(*) filter (state = 'ignore') "
+        "from decided"
+    ).fetchall()
+    return positive, undecided
 
 
 def _carried_by(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:

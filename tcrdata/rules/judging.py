@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import dataclass
 
 import duckdb
 import pyarrow as pa
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.choosing import choose, labels_of, no_labels
+from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.scopes import Relations, count, run_sql, scoped
@@ -18,13 +19,28 @@ _BITS = 62  # verdicts that fit into a bigint
 ALIVE = "(from survivors where alive <> 0)"
 """The proposals that some preset still takes."""
 
-_IN_HAND = ("survivors", "remaining", "chosen", "candidates")
+_IN_HAND = ("survivors", "remaining", "chosen", "candidates", "decided")
 _BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")  # what tells whether boxes share a place
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What some proposals became.
+
+    Attributes:
+        labels: the columns of `labels` but selection_id; by dataset, sequence, frame and id.
+        positive: how many of them are positive.
+        undecided: how many of them are left undecided.
+    """
+
+    labels: pa.Table
+    positive: int = 0
+    undecided: int = 0
 
 
 def judge(
     connection: duckdb.DuckDBPyConnection, preset: FilledPreset, relations: Relations, rows: int
-) -> pa.Table:
+) -> Judged:
     """Judge every proposal of some whole sequences with a preset and its alternatives.
 
     Args:
@@ -32,9 +48,6 @@ def judge(
         preset: with its parameters filled in.
         relations: each evidence table, these sequences' rows of one round.
         rows: how many proposals there are.
-
-    Returns:
-        the columns of `labels` but selection_id; by dataset, sequence, frame and id.
 
     Raises:
         RuleError: a rule gives not one row a proposal, or the preset's select gives a proposal
@@ -53,12 +66,14 @@ def judge(
             if alone and before != ALIVE:
                 relations = _of_sources(connection, ALIVE, relations)
             before = ALIVE
+    judged = Judged(no_labels())
     if left:
         choose(connection, presets, relations)
-    labels = labels_of(connection, presets, panel, relations) if left else no_labels()
+        labels = labels_of(connection, presets, panel, relations)
+        judged = Judged(labels, *labels_in(connection))
     for table in _IN_HAND:
         connection.execute(f"drop table if exists {table}")
-    return labels
+    return judged
 
 
 def _everybody(

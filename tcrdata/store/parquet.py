@@ -16,8 +16,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tcrdata.errors import SchemaError, StoreError
+from tcrdata.store.commits import FileEntry
 from tcrdata.store.filesystem import Filesystem
-from tcrdata.store.schemas import arrow_schema, is_heavy
+from tcrdata.store.schemas import arrow_schema, is_heavy, other_columns
 
 ROWS_A_HEAVY_FILE = 512
 ROWS_A_LIGHT_GROUP = 131072
@@ -98,6 +99,9 @@ class ParquetHandle:
 
     def read(self, columns: Sequence[str], equals: Mapping[str, Any]) -> pa.Table:
         """Rows with `column == value`, in file order, as the table's schema has them."""
+        there = self._file.schema_arrow.names
+        if absent := [name for name in columns if name not in there]:
+            raise other_columns(self._table, self.path, f"no {absent[0]}")
         with self._lock, damage_errors(self.path):
             if is_heavy(self._table) and equals:
                 rows = self._file.read_row_groups(self._matching_groups(equals), list(columns))
@@ -134,6 +138,43 @@ class ParquetHandles:
             if len(self._open) > _OPEN_FILES:
                 self._open.popitem(last=False)
             return handle
+
+    def rows(
+        self,
+        table: str,
+        entries: Sequence[FileEntry],
+        columns: Sequence[str] | None,
+        keys: Mapping[str, Any],
+        equals: Mapping[str, Any],
+    ) -> pa.Table:
+        """Rows of some of a table's files, in file order.
+
+        Args:
+            table: the table.
+            entries: the files.
+            columns: those wanted; all when None.
+            keys: values of `dataset`, `sequence` and `round`; compared where a file's unit differs.
+            equals: further columns to their values.
+
+        Raises:
+            SchemaError: an unknown column, or a value of another type than its column.
+            StoreError: a file is damaged; names it.
+        """
+        schema = arrow_schema(table)
+        wanted = list(schema.names) if columns is None else list(columns)
+        for name in (*wanted, *equals):
+            if name not in schema.names:
+                known = ", ".join(schema.names)
+                raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
+        found = []
+        for entry in entries:
+            rest = {k: v for k, v in keys.items() if getattr(entry.unit, k) != v}
+            rest = {name: value for name, value in rest.items() if name in schema.names}
+            found.append(self.get(entry.path, table).read(wanted, {**rest, **equals}))
+        chosen = pa.schema([schema.field(name) for name in wanted])
+        if not found:
+            return pa.Table.from_batches([], schema=chosen)
+        return pa.concat_tables(found).replace_schema_metadata(chosen.metadata)
 
 
 def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:

@@ -41,6 +41,13 @@ def to_rows(table: str, columns: Mapping[str, Any], unit: Unit) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
+def repeated(text: str, count: int) -> pa.Array:
+    """A text `count` times, without the import of pandas that Arrow's own scalars bring."""
+    data = text.encode()
+    offsets = np.arange(count + 1, dtype=np.int32) * len(data)
+    return pa.StringArray.from_buffers(count, pa.py_buffer(offsets), pa.py_buffer(data * count))
+
+
 def _column(
     table: str, field: pa.Field, columns: Mapping[str, Any], count: int, unit: Unit
 ) -> pa.Array:

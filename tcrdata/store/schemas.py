@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -83,6 +84,30 @@ def columns(table: str) -> list[Column]:
     return _table(table).columns
 
 
+def fingerprints() -> dict[str, str]:
+    """A hash of the columns of each table that is written: names, types, which may be NULL.
+
+    Order, comments and metadata do not count, for rows are read by the names of their columns.
+    """
+    return {
+        name: _fingerprint(table) for name, table in _tables().items() if table.weight != "view"
+    }
+
+
+def other_columns(table: str, where: str, reason: str) -> SchemaError:
+    """The error of a file that lacks columns of its table.
+
+    Args:
+        table: whose rows the file holds.
+        where: file or store.
+        reason: what it lacks.
+    """
+    return SchemaError(
+        f"table {table} in {where} has other columns than this tcrdata reads ({reason}): "
+        "build into a new store, or use the tcrdata that made it"
+    )
+
+
 def _table(name: str) -> _Table:
     try:
         return _tables()[name]
@@ -117,6 +142,12 @@ def _described(name: str, text: str, connection: duckdb.DuckDBPyConnection) -> _
     ]
     metadata = {b"huggingface": _HUGGING_FACE_IMAGE} if name == "images" else None
     return _Table(text, _weight(text), found, pa.schema(fields, metadata=metadata))
+
+
+def _fingerprint(table: _Table) -> str:
+    nullable = {field.name: field.nullable for field in table.schema}
+    lines = sorted(f"{name} {kind} {nullable[name]}" for name, kind, _ in table.columns)
+    return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
 def _weight(text: str) -> str:

@@ -6,9 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
-
-from tcrdata.errors import SchemaError, StoreError
+from tcrdata.errors import StoreError
 from tcrdata.store import snapshots
 from tcrdata.store.commits import CommitRecord, FileEntry, Unit
 from tcrdata.store.compaction import Bundle, compact
@@ -24,6 +22,7 @@ from tcrdata.store.writer import Writer
 if TYPE_CHECKING:
     import duckdb
     import polars
+    import pyarrow as pa
 
 _FOLD_FROM = 256
 
@@ -181,21 +180,7 @@ class Store:
         equals: Mapping[str, Any],
     ) -> pa.Table:
         """Rows of some of a table's files whose keys and columns equal the values; see `read`."""
-        schema = arrow_schema(table)
-        wanted = list(schema.names) if columns is None else list(columns)
-        for name in (*wanted, *equals):
-            if name not in schema.names:
-                known = ", ".join(schema.names)
-                raise SchemaError(f"table {table} has no column {name}: its columns are {known}")
-        found = []
-        for entry in entries:
-            rest = {k: v for k, v in keys.items() if getattr(entry.unit, k) != v}
-            rest = {name: value for name, value in rest.items() if name in schema.names}
-            found.append(self._handles.get(entry.path, table).read(wanted, {**rest, **equals}))
-        chosen = pa.schema([schema.field(name) for name in wanted])
-        if not found:
-            return pa.Table.from_batches([], schema=chosen)
-        return pa.concat_tables(found).replace_schema_metadata(chosen.metadata)
+        return self._handles.rows(table, entries, columns, keys, equals)
 
     def tables(self, dataset: str, sequence: str, round: int) -> SequenceTables:
         """The tables of one sequence and round, as cues get them."""

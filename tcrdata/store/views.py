@@ -9,7 +9,7 @@ from tcrdata.errors import QueryError, StoreError
 from tcrdata.store.commits import FileEntry
 from tcrdata.store.compaction import read_bundles, stand_ins
 from tcrdata.store.filesystem import Filesystem
-from tcrdata.store.schemas import arrow_schema, columns, ddl, is_view
+from tcrdata.store.schemas import arrow_schema, columns, ddl, is_view, other_columns
 
 if TYPE_CHECKING:
     import duckdb
@@ -97,6 +97,8 @@ def _create_table(
         connection.register(source.strip('"'), arrow_dataset(files, table, entries))
     try:
         connection.execute(f"create view {target} as select {names} from {source}")
+    except duckdb.BinderException as error:
+        raise other_columns(table, files.url, one_line(error)) from error
     except duckdb.Error as error:
         raise StoreError(f"table {table} cannot be read: {one_line(error)}") from error
 

@@ -65,3 +65,9 @@ def in_legend_order(kinds: list[str]) -> list[str]:
     """Sort kinds as they are named: labels, truth, then the rest."""
     names = list(STYLES)
     return sorted(kinds, key=lambda kind: (names.index(kind) if kind in names else 99, kind))
+
+
+def rgb(color: str) -> tuple[int, int, int]:
+    """Return red, green and blue, 0 to 255, of a colour such as `#20c0ff`."""
+    red, green, blue = bytes.fromhex(color.removeprefix("#"))
+    return red, green, blue

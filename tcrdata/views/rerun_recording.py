@@ -21,13 +21,11 @@ from typing import Self
 
 import numpy as np
 import rerun as rr
-import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from tcrdata.geometry.transforms import inverse
 from tcrdata.types import FloatArray, ImageArray, IntArray
 from tcrdata.views.palette import (
-    BACKGROUND,
     EGO,
     NO_VOTE,
     SEEN_AGAIN,
@@ -35,18 +33,16 @@ from tcrdata.views.palette import (
     STYLES,
     TRACKS,
     box_style,
+    rgb,
 )
+from tcrdata.views.rerun_blueprint import FRAME_TIMELINE, viewer_blueprint
 
-FRAME_TIMELINE = "frame"
 TIME_TIMELINE = "timestamp"
 TRAIL_FRAMES = 30
 _JPEG_QUALITY = 85
-_PLAYED_FPS = 10
 _POINT_RADIUS_PX = 1.2
 _LINE_RADIUS_PX = 1.5
 _IMAGE_PLANE_M = 4.0
-_EYE_M = (0.0, -14.0, -18.0)
-_LOOK_AT_M = (0.0, 1.0, 14.0)
 _CLASSES = (
     (0, "no vote", NO_VOTE),
     (1, "seen again", SEEN_AGAIN),
@@ -121,7 +117,7 @@ class RerunRecording:
         self._stream = rr.RecordingStream("tcrdata", recording_id=name, send_properties=False)
         self._stream.set_log_time_enabled(False)
         self._stream.set_log_tick_enabled(False)
-        self._stream.save(path, default_blueprint=_blueprint(metric_scale))
+        self._stream.save(path, default_blueprint=viewer_blueprint(metric_scale))
         self._stream.send_recording_name(name)
         self._log_constants()
 
@@ -156,15 +152,15 @@ class RerunRecording:
         self._log_plots(shot)
 
     def _log_constants(self) -> None:
-        context = rr.AnnotationContext([(n, name, _rgb(color)) for n, name, color in _CLASSES])
+        context = rr.AnnotationContext([(n, name, rgb(color)) for n, name, color in _CLASSES])
         self._stream.log("world", rr.ViewCoordinates.RDF, static=True)
         self._stream.log("world/level/points", context, static=True)
         for kind, style in STYLES.items():
-            line = rr.SeriesLines(colors=[_rgb(style.color)], names=[kind])
+            line = rr.SeriesLines(colors=[rgb(style.color)], names=[kind])
             self._stream.log(f"plots/count/{kind}", line, static=True)
 
     def _log_path(self, path: FloatArray) -> None:
-        strip = rr.LineStrips3D([path], colors=[_rgb(EGO)], radii=-_LINE_RADIUS_PX)
+        strip = rr.LineStrips3D([path], colors=[rgb(EGO)], radii=-_LINE_RADIUS_PX)
         self._stream.log("world/ego", strip)
 
     def _log_points(self, shot: RecordedFrame) -> None:
@@ -186,7 +182,7 @@ class RerunRecording:
             centers=boxes[:, :3],
             sizes=boxes[:, [3, 5, 4]],
             quaternions=np.stack([nothing, np.sin(half_yaw), nothing, np.cos(half_yaw)], axis=1),
-            colors=[_rgb(style.color)],
+            colors=[rgb(style.color)],
             radii=-style.width_pt,
             fill_mode="transparentfillmajorwireframe" if style.fill_alpha else "majorwireframe",
             labels=names,
@@ -268,44 +264,6 @@ def _captions(found: RecordedBoxes) -> list[str]:
     ]
 
 
-def _rgb(color: str) -> tuple[int, int, int]:
-    red, green, blue = bytes.fromhex(color.removeprefix("#"))
-    return red, green, blue
-
-
 def _track_color(name: str) -> tuple[int, int, int]:
     """The same colour for a track in every frame, whichever others there are."""
-    return _rgb(TRACKS[sum(name.encode()) % len(TRACKS)])
-
-
-def _blueprint(metric_scale: float) -> rrb.Blueprint:
-    """The scene beside the image, the plots below; the eye rides along behind the sensor."""
-    eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
-        position=[metric_scale * value for value in _EYE_M],
-        look_target=[metric_scale * value for value in _LOOK_AT_M],
-        eye_up=[0.0, -1.0, 0.0],
-    )
-    scene = rrb.Spatial3DView(
-        origin="world/level",
-        contents="world/**",
-        name="scene",
-        background=_rgb(BACKGROUND),
-        eye_controls=eye,
-    )
-    picture = rrb.Spatial2DView(
-        origin="world/level/camera",
-        contents=["$origin/**", "world/level/boxes/labels", "world/level/boxes/truth"],
-        name="image",
-    )
-    plots = rrb.Tabs(
-        *(
-            rrb.TimeSeriesView(origin=f"plots/{name}", name=title)
-            for name, title in (("score", "scores"), ("points", "points"), ("count", "boxes"))
-        )
-    )
-    return rrb.Blueprint(
-        rrb.Horizontal(scene, rrb.Vertical(picture, plots), column_shares=[3, 2]),
-        rrb.TimePanel(timeline=FRAME_TIMELINE, fps=_PLAYED_FPS),
-        collapse_panels=True,
-    )
+    return rgb(TRACKS[sum(name.encode()) % len(TRACKS)])

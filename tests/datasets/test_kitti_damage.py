@@ -15,6 +15,7 @@ from kitti_tree import (
     sweep_file,
     write_raw,
 )
+from PIL import Image
 
 from tcrdata.datasets.kitti import KittiDataset, open_dataset
 from tcrdata.errors import DatasetError, FrameError
@@ -113,6 +114,31 @@ def test_damage_inside_an_image_is_seen_when_it_is_read(raw: Raw) -> None:
     path.write_bytes(data)
     with pytest.raises(FrameError, match=r"0000000001\.png cannot be decoded"):
         dataset.read_image(dataset.frames(DRIVE)[1])
+
+
+def test_no_damaged_image_is_taken_for_a_whole_one(raw: Raw) -> None:
+    dataset, folder = raw
+    path, frame = image_file(folder, 1), dataset.frames(DRIVE)[1]
+    whole, data = dataset.read_image(frame), path.read_bytes()
+    for place in np.linspace(0, len(data) - 1, 40).astype(int):
+        path.write_bytes(bytes([*data[:place], data[place] ^ 1, *data[place + 1 :]]))
+        with pytest.raises(FrameError, match="cannot be decoded"):
+            dataset.read_image(frame)
+        path.write_bytes(data[:place])
+        with pytest.raises(FrameError, match="cannot be decoded"):
+            dataset.read_image(frame)
+    path.write_bytes(data)
+    assert np.array_equal(dataset.read_image(frame), whole)
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "L", "P"])
+def test_every_kind_of_png_is_read_as_colours(raw: Raw, mode: str) -> None:
+    dataset, folder = raw
+    path, frame = image_file(folder, 1), dataset.frames(DRIVE)[1]
+    with Image.open(path) as image:
+        kept = image.convert("RGB").convert(mode)
+    kept.save(path)
+    assert np.array_equal(dataset.read_image(frame), np.asarray(kept.convert("RGB")))
 
 
 def rewrite_line(path: Path, line: int, text: str) -> None:

@@ -7,7 +7,7 @@ import pytest
 from plane_world import ArrayDataset, MemoryTables, cue_input, frame, without_image
 
 from tcrdata.errors import FrameError
-from tcrdata.evidence import flow
+from tcrdata.evidence import flow, flow_estimators
 from tcrdata.evidence.flow_cycle import PAPER_BIT, RELEASE_BIT
 from tcrdata.evidence.stored_flow import image_pairs, read_flow
 from tcrdata.types import Frame
@@ -123,5 +123,5 @@ def test_dis_is_near_the_truth_on_real_pairs(real_data: Path) -> None:
             for i in (0, 1)
         )
         truth = cv2.readOpticalFlow(str(folder / f"{number:07d}-gt.flo"))
-        error = np.linalg.norm(flow.dis_flow(first, second) - truth, axis=2)
+        error = np.linalg.norm(flow_estimators.dis_flow(first, second) - truth, axis=2)
         assert np.median(error) < 0.3

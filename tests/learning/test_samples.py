@@ -20,7 +20,12 @@ from tcrdata.learning.augmentation import (
     image_placement,
     jittered,
 )
-from tcrdata.learning.detector_samples import DetectorSamples, known_background, unsure_points
+from tcrdata.learning.detector_samples import (
+    DetectorSamples,
+    cloud_of,
+    known_background,
+    unsure_points,
+)
 from tcrdata.learning.frames import open_frames
 from tcrdata.learning.segmenter_samples import SegmenterSamples, pixel_labels
 from tcrdata.networks.center_targets import LabelBoxes
@@ -113,13 +118,13 @@ def test_what_was_seen_standing_is_sure_and_what_moves_unlabelled_is_not(
 ) -> None:
     row = rows["detector"]
     nobody = LabelBoxes(np.empty((0, 7)), np.empty(0, bool), np.empty(0, bool))
-    unsure = unsure_points(row, row["points"], nobody)
+    unsure = unsure_points(row, cloud_of(row), nobody)
     assert 0 < unsure.sum() < 0.5 * len(unsure)
     assert not (unsure & row["ground"]).any()
     van = next(label for label in row["labels"] if label["positive"])
     names = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
     box = np.array([van[name] for name in names])
-    assert not unsure_points(row, row["points"], labels_of(box))[unsure].any()
+    assert not unsure_points(row, cloud_of(row), labels_of(box))[unsure].any()
 
 
 @pytest.mark.parametrize("network", ["birds_eye", "release_birds_eye", "volume"])

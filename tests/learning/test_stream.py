@@ -16,7 +16,8 @@ import tcrdata
 from tcrdata.errors import MissingEvidenceError, QueryError, SettingsError, StoreError
 from tcrdata.learning.frames import freeze_training_tables, open_frames
 from tcrdata.learning.stream import FrameStream
-from tcrdata.store import Store
+from tcrdata.store import Store, Unit
+from tcrdata.store.arrays import encode_flow
 
 KEYS = "-- reads: points\nselect dataset, sequence, frame from frames order by frame"
 
@@ -173,3 +174,26 @@ def test_a_cue_nobody_measured_is_named(store: Store) -> None:
     frames = open_frames(store, KEYS.replace("points", "motion_3d_m"))
     with pytest.raises(MissingEvidenceError, match=r"frame 0: no cue 'motion_3d_m'"):
         frames[0]
+
+
+def test_flow_comes_with_a_frame_where_the_query_names_it(tmp_path: Path) -> None:
+    store = learnt_world(tmp_path, frames=2, images=False)
+    (sequence,) = store.read("sequences")["sequence"].to_pylist()
+    rng = np.random.default_rng(0)
+    fields = [rng.uniform(-9, 9, (6, 8, 2)).astype(np.float32) for _ in range(2)]
+    codecs, data = zip(*map(encode_flow, fields), strict=True)
+    columns = {
+        "frame": [0, 1], "frame_to": [1, 0], "direction": ["forward", "backward"],
+        "method": ["dis"] * 2, "width_px": [8] * 2, "height_px": [6] * 2,
+        "codec": list(codecs), "data": list(data),
+    }  # fmt: skip
+    with store.writer(Unit("flow", "kitti", sequence, 1), settings_hash="0", inputs={}) as writer:
+        writer.append("flows", columns)
+    query = "-- reads: {}\nselect dataset, sequence, frame from flows where direction = '{}'"
+    for name, direction, field in zip(
+        ("flow", "flow_backward"), ("forward", "backward"), fields, strict=True
+    ):
+        (sample,) = FrameStream(open_frames(store, query.format(name, direction)))
+        assert np.abs(sample[name] - field).max() <= 1 / 128
+    with pytest.raises(MissingEvidenceError, match=r"frame 1: no direction 'forward' in flows"):
+        open_frames(store, query.format("flow", "backward"))[0]

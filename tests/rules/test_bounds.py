@@ -40,6 +40,7 @@ COUNTERPARTS = {
     "min_best_half_score": [("detected_objects", "least_score", BELOW)],
     "min_steady_score": [("detected_objects", "least_score", BELOW)],
     "min_objectness_3d": [("objectness3d", "least_score", BELOW)],
+    "min_static_objectness": [("objectness3d", "least_score", BELOW)],
 }
 """Rule parameter -> the settings that keep candidates from becoming rows by the same number."""
 
@@ -53,6 +54,7 @@ UNGATED = {
     "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m",
     "min_box_fill_share", "min_static_age_frames", "min_static_width_m", "min_table_age_frames",
     "min_straightness", "min_straightness_long", "taken_fit", "taken_source",
+    "min_match", "min_hidden_passable",
 }  # fmt: skip
 """Rule parameters whose column is measured on every candidate, whatever its value."""
 

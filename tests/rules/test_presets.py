@@ -22,6 +22,7 @@ def test_shipped_presets_load_together() -> None:
     assert preset_names() == [
         "detector", "detector_faint", "paper", "paper_ensemble", "release", "release_ensemble",
         "tabletop", "tabletop_learned", "tcrdata", "tcrdata_learned", "tcrdata_static",
+        "tcrdata_tracked",
     ]  # fmt: skip
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"

@@ -12,7 +12,7 @@ from rule_worlds import GOOD_TRACK, PROPOSAL, put, put_tracks
 
 import tcrdata
 from tcrdata.errors import MissingEvidenceError, RuleError, StoreError
-from tcrdata.rules import load_preset, select, selections
+from tcrdata.rules import load_preset, select, selection_rows
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.store import Store, Unit
 
@@ -89,7 +89,7 @@ def test_labels_carry_what_was_measured_and_which_rules_passed_them(store: Store
 def test_judging_survivors_equals_the_definition(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(selections, "BATCH_ROWS", 100)
+    monkeypatch.setattr(selection_rows, "BATCH_ROWS", 100)
     for sequence, seed in (("a", 1), ("b", 2), ("c", 3)):
         put_tracks(store, sequence, random_tracks(80, seed))
     made = select(store, "tcrdata")
@@ -112,7 +112,7 @@ def test_what_looser_bounds_accept_is_left_undecided(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The alternatives are judged in one pass; each says what it would say alone."""
-    monkeypatch.setattr(selections, "BATCH_ROWS", 100)
+    monkeypatch.setattr(selection_rows, "BATCH_ROWS", 100)
     for sequence, seed in (("a", 1), ("b", 2), ("c", 3)):
         rows = [{**row, "x_m": 9.0 * n} for n, row in enumerate(random_tracks(80, seed))]
         put_tracks(store, sequence, rows)
@@ -155,7 +155,7 @@ def test_rows_are_sorted_and_the_same_however_they_are_batched(monkeypatch: Any)
 
     found = []
     for number, size in enumerate((1, 10**6)):
-        monkeypatch.setattr(selections, "BATCH_ROWS", size)
+        monkeypatch.setattr(selection_rows, "BATCH_ROWS", size)
         store = open_store(f"memory://batches-{number}", create=True)
         for sequence in ("b", "a", "c"):
             put_tracks(store, sequence, random_tracks(40, 5))
@@ -169,7 +169,7 @@ def test_rows_are_sorted_and_the_same_however_they_are_batched(monkeypatch: Any)
 def test_same_identity_is_pointed_to_and_not_recomputed(store: Store, monkeypatch: Any) -> None:
     put_tracks(store, "a", [GOOD_TRACK])
     first = select(store, "tcrdata")
-    monkeypatch.setattr(selections, "judge", None)
+    monkeypatch.setattr(selection_rows, "judge", None)
     again = select(store, "tcrdata", {"min_travel_m": "3.00"}, name="mine")
     assert (again.selection_id, again.made, again.labels) == (first.selection_id, False, 1)
     assert store.newest_selection("mine") == first.selection_id

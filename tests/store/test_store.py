@@ -291,9 +291,3 @@ def test_opening_what_is_no_store_says_so(tmp_path):
         open_store(str(tmp_path), create=True)
     with pytest.raises(StoreError, match="not a place for a store"):
         open_store("nosuch://bucket")
-
-
-def test_another_schema_version_is_refused_with_both_versions(disk):
-    (Path(disk.url) / "store.json").write_text('{"schema_version": 99}')
-    with pytest.raises(SchemaError, match="has schema version 99, this tcrdata reads 2: build"):
-        open_store(disk.url)

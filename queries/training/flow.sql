@@ -1,0 +1,32 @@
+-- The frames that a flow network learns from: each begins a pair with the next one, or ends the last.
+-- reads: image
+set variable held_out_share = 0.2;  -- share: of each drive's pairs, its last ones, kept to check what was learnt
+
+with listed as (
+    select dataset, sequence, frame, has_image,
+           lead(frame) over drive as frame_to, lead(has_image) over drive as next_has_image
+    from frames
+    where status = 'ok'
+    window drive as (partition by dataset, sequence order by frame)
+),
+numbered as (
+    select *, has_image and coalesce(next_has_image, false) as paired,
+           count(*) filter (has_image and next_has_image) over before as number,
+           count(*) filter (has_image and next_has_image) over whole as pairs
+    from listed
+    window before as (partition by dataset, sequence order by frame),
+           whole as (partition by dataset, sequence)
+),
+-- A pair that shares a frame with one held out is neither learnt from nor checked with.
+parted as (
+    select *, pairs - greatest(1, round(pairs * getvariable('held_out_share'))) as learnt
+    from numbered
+)
+select dataset, sequence, frame, case when paired then frame_to end as frame_to,
+       case when not paired then null
+            when number > learnt then 'held out'
+            when number < learnt then 'learnt' end as part,
+       0 as positives
+from parted
+where has_image
+order by dataset, sequence, frame

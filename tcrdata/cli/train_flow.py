@@ -1,0 +1,134 @@
+"""`tcrdata train flow`: a flow network, from scratch or finetuned on the frames it will measure."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any, Literal
+
+from tcrdata import console
+from tcrdata.cli.app import Assignments, Flag, StoreUrl, listed
+from tcrdata.cli.train import training_progress
+from tcrdata.errors import SettingsError
+from tcrdata.settings import parse_assignments, read_toml
+
+if TYPE_CHECKING:
+    from tcrdata.learning.checkpoints import ModelIdentity
+    from tcrdata.learning.flow_runs import FlowRecipe
+    from tcrdata.store import Store
+
+
+def train_flow(
+    *,
+    store: StoreUrl,
+    weights: str | None = None,
+    model: str | None = None,
+    model_store: str | None = None,
+    from_scratch: Flag = False,
+    size: Literal["small", "full"] | None = None,
+    losses: str | None = None,
+    config: str | None = None,
+    assignments: Assignments = (),
+    resume: Flag = False,
+    device: str = "auto",
+    json: Flag = False,
+) -> int:
+    """Finetune a flow network on a store's frames, without truth; or train one from scratch.
+
+    The network that is in use is finetuned, or the one that is named. The last frames of each
+    drive are held out: the student replaces its teacher only if a query over what both make of
+    them says so. A store without any network gets one from scratch, taught by generated pairs.
+
+    Args:
+        store: folder or URL of the store; created when a network is trained from scratch.
+        weights: file with the weights of RAFT, under the published names.
+        model: id of the flow model to finetune.
+        model_store: store that holds it, when it is another one.
+        from_scratch: train a network on generated pairs, whatever the store holds.
+        size: of RAFT: small or full; a file's own when left out.
+        losses: of photometric, teacher and occlusion, with commas between; all when left out.
+        config: TOML file of settings.
+        assignments: NAME=VALUE, such as steps=400, pairs.width_px=448 or losses.teacher=0.2 (from
+            scratch planes.shift_px=8); they win over the file.
+        resume: go on from the newest checkpoint of the same settings.
+        device: auto, cpu or cuda.
+        json: print the model and what was checked as JSON.
+    """
+    from tcrdata.learning.flow_runs import plan_finetuning, plan_from_scratch
+    from tcrdata.learning.flow_runs import train_flow as run
+    from tcrdata.store import open_store
+
+    values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
+    named = weights or model or model_store
+    if from_scratch and (named or losses):
+        raise SettingsError("--from-scratch learns from generated pairs alone: leave --weights, "
+                            "--model and --losses out")  # fmt: skip
+    opened = open_store(store, create=not named)
+    teacher = None if from_scratch else _teacher(opened, weights, model, model_store, size)
+    if teacher is None:
+        if losses:
+            raise SettingsError(
+                f"--losses finetunes, but {store} has no flow network yet: give --weights FILE, or "
+                "train one from scratch first"
+            )
+        recipe = plan_from_scratch(size, values)
+    else:
+        recipe = plan_finetuning(teacher, listed(losses), values)
+    started = time.perf_counter()
+    with training_progress(recipe.loop.steps) as report:
+        made, progress = run(opened, recipe, resume=resume, device=device, report=report)
+    if progress is None:
+        console.say(f"nothing to do: model {made.model_id} is finished")
+    else:
+        taught = f"finetuned from {recipe.teacher}" if teacher else "taught by generated pairs"
+        console.say(
+            f"model {made.model_id}: RAFT {recipe.network.size}, {taught}, {progress.step:,} steps,"
+            f" last loss {progress.losses[-1]:.3f}, in {time.perf_counter() - started:.1f} s"
+        )
+    _finish(opened, recipe, made, store, json)
+    return 0
+
+
+def _teacher(
+    store: Store, weights: str | None, model: str | None, model_store: str | None, size: str | None
+) -> dict[str, Any] | None:
+    """Return the model to finetune; None when the store has none and none is named."""
+    from tcrdata.flow_models import copy_model, flow_model, import_weights
+    from tcrdata.store import open_store
+
+    if weights and (model or model_store):
+        raise SettingsError("--weights and --model name two networks: give one")
+    if weights:
+        model = import_weights(store, weights, size)
+    elif model_store:
+        model = copy_model(open_store(model_store), store, model)
+    row = flow_model(store, model)
+    if row is not None and size not in (None, row["settings"]["network"]["size"]):
+        raise SettingsError(
+            f"--size {size}: model {row['model_id']} is RAFT {row['settings']['network']['size']}; "
+            "leave --size out, or add --from-scratch"
+        )
+    return row
+
+
+def _finish(store: Store, recipe: FlowRecipe, model: ModelIdentity, url: str, json: bool) -> None:
+    """Check a student on what was held out, and say what became of it."""
+    from tcrdata.flow_models import flow_models
+    from tcrdata.learning.flow_checks import check_flow
+
+    if recipe.teacher:
+        with console.progress_bars() as bar:
+            task = bar.add_task("check", total=None)
+            check_flow(
+                store, recipe, model, lambda done, all: bar.update(task, completed=done, total=all)
+            )
+    row = next(row for row in flow_models(store) if row["model_id"] == model.model_id)
+    if json:
+        console.print_json(row)
+    if recipe.teacher:
+        console.say(
+            f"{row['state']} on {row['pairs']} pairs held out: consistent "
+            f"{row['teacher_consistent_share']:.4f} -> {row['consistent_share']:.4f}, photometric "
+            f"error {row['teacher_photometric_error']:.4f} -> {row['photometric_error']:.4f}; "
+            f"in use: {model.model_id if row['in_use'] else recipe.teacher}"
+        )
+    console.say(f"next: tcrdata build ... --flow raft --store {url}")

@@ -1,0 +1,242 @@
+"""One training of flow: from scratch on generated pairs, or finetuned on a store's frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+from tcrdata import settings
+from tcrdata.errors import MissingEvidenceError, SettingsError
+from tcrdata.evidence.flow import Settings as CueSettings
+from tcrdata.evidence.flow import chosen_estimator
+from tcrdata.evidence.flow_estimators import Estimator
+from tcrdata.learning.checkpoints import (
+    AVERAGE,
+    ModelIdentity,
+    Progress,
+    model_rows,
+    read_weights,
+)
+from tcrdata.learning.devices import training_place
+from tcrdata.learning.flow_samples import (
+    LEARNT,
+    GeneratedPairs,
+    GeneratedSamples,
+    PairSettings,
+    StoredPairs,
+    TaughtSamples,
+)
+from tcrdata.learning.frames import NEEDED, Frames, open_frames
+from tcrdata.learning.textured_planes import PlaneSettings
+from tcrdata.learning.training import LoopSettings, Report, train
+from tcrdata.learning.training_queries import TrainingQuery, load_training_query
+from tcrdata.networks.flow_losses import (
+    SELF_SUPERVISED,
+    FlowLossSettings,
+    known_flow_losses,
+    self_supervised_losses,
+)
+from tcrdata.networks.raft import Settings as RaftSettings
+from tcrdata.plan import ROUND
+from tcrdata.store import Store
+
+KIND, NETWORK = "flow", "raft"
+SCRATCH_LOOP = LoopSettings(
+    steps=1200, batch=2, learning_rate=6e-4, weight_decay=1e-4, clip=1.0, average=0.995
+)
+TAUGHT_LOOP = LoopSettings(
+    steps=200, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
+)
+
+
+@dataclass(frozen=True)
+class FlowRecipe:
+    """Everything about a training of flow but its frames.
+
+    Attributes:
+        network: of RAFT.
+        loop: of the loop.
+        planes: generated pairs; None when finetuned.
+        pairs: what is cut of a store's pairs.
+        losses: what counts.
+        query: what a pair is.
+        parameters: of the query, name to text.
+        teacher: id of the model that is finetuned; empty from scratch.
+    """
+
+    network: RaftSettings
+    loop: LoopSettings
+    planes: PlaneSettings | None
+    pairs: PairSettings = field(default_factory=PairSettings)
+    losses: FlowLossSettings = field(default_factory=FlowLossSettings)
+    query: TrainingQuery = field(default_factory=lambda: load_training_query("flow"))
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    teacher: str = ""
+
+    def identity(self, snapshot: str) -> ModelIdentity:
+        """Return what the model follows from, given a frozen list of files (empty from scratch)."""
+        plain: dict[str, Any] = {
+            "network": settings.as_plain(self.network),
+            "loop": settings.as_plain(self.loop),
+        }
+        # Where and how often it is loaded and saved leaves the numbers as they are.
+        for name in ("workers", "checkpoint_steps"):
+            del plain["loop"][name]
+        if self.planes is not None:
+            plain |= {"planes": settings.as_plain(self.planes), "decay": self.losses.decay}
+        else:
+            plain |= {
+                "pairs": settings.as_plain(self.pairs),
+                "losses": settings.as_plain(self.losses),
+                "query": dict(sorted(self.parameters.items())),
+                "teacher": self.teacher,
+            }
+        text = "" if self.planes is not None else self.query.text
+        return ModelIdentity(KIND, NETWORK, ROUND, "", snapshot, text, plain, self.loop.seed)
+
+
+def plan_from_scratch(size: str | None, assignments: Mapping[str, str]) -> FlowRecipe:
+    """Return the recipe of a network that learns from generated pairs.
+
+    Args:
+        size: small or full.
+        assignments: of the loop (`steps`), `network.iterations` or `planes.shift_px`.
+
+    Raises:
+        SettingsError: an unknown name or value.
+    """
+    grouped = _grouped(assignments, ("network", "planes"))
+    network = settings.overridden(
+        RaftSettings(size or "small", iterations=4), grouped["network"], "network"
+    )
+    small = PlaneSettings(height_px=96, width_px=144, shift_px=4.0)
+    return FlowRecipe(
+        network,
+        settings.overridden(SCRATCH_LOOP, grouped[""], "train"),
+        settings.overridden(small, grouped["planes"], "planes"),
+    )
+
+
+def plan_finetuning(
+    teacher: Mapping[str, Any], losses: tuple[str, ...] | None, assignments: Mapping[str, str]
+) -> FlowRecipe:
+    """Return the recipe of a student of a teacher.
+
+    Args:
+        teacher: the row of `models` of the network to finetune: `model_id` and `settings`.
+        losses: which of photometric, teacher and occlusion; None for all.
+        assignments: of the loop, `network.iterations`, `pairs.height_px`, `losses.teacher` or
+            `query.held_out_share`.
+
+    Raises:
+        SettingsError: an unknown name or value, or no loss.
+    """
+    grouped = _grouped(assignments, ("network", "pairs", "losses", "query"))
+    chosen = SELF_SUPERVISED if losses is None else losses
+    for name in chosen:
+        if name not in SELF_SUPERVISED:
+            raise SettingsError(settings.unknown(f"loss '{name}'", name, SELF_SUPERVISED))
+    weights = {name: "0" for name in SELF_SUPERVISED if name not in chosen}
+    size = teacher["settings"]["network"]["size"]
+    network = RaftSettings(size, iterations=4, frozen_norms=True, both_ways=True)
+    return FlowRecipe(
+        settings.overridden(network, grouped["network"], "network"),
+        settings.overridden(TAUGHT_LOOP, grouped[""], "train"),
+        None,
+        settings.overridden(PairSettings(), grouped["pairs"], "pairs"),
+        settings.overridden(FlowLossSettings(), {**grouped["losses"], **weights}, "losses"),
+        parameters=grouped["query"],
+        teacher=str(teacher["model_id"]),
+    )
+
+
+def train_flow(
+    store: Store,
+    recipe: FlowRecipe,
+    *,
+    resume: bool = False,
+    device: str = "auto",
+    report: Callable[[Report], None] = lambda _: None,
+) -> tuple[ModelIdentity, Progress | None]:
+    """Train a flow network; its checkpoints land in the store.
+
+    Returns:
+        the model, and how far it is; None when it was finished before.
+
+    Raises:
+        MissingEvidenceError: there are no pairs to learn from, or nothing to resume.
+        SettingsError: no such device or setting.
+        TrainingError: the loss is not finite.
+        StoreError: a damaged or foreign checkpoint.
+    """
+    with training_place(device) as place:
+        snapshot = _begun(store, recipe) if resume else None
+        if snapshot is None:
+            snapshot = "" if recipe.planes else store.freeze(None, NEEDED).name
+        model = recipe.identity(snapshot)
+        done = {row["model_id"]: row["finished"] for row in model_rows(store)}
+        if done.get(model.model_id):
+            return model, None
+        arguments: dict[str, Any] = {
+            "resume": resume and model.model_id in done, "report": report,
+        }  # fmt: skip
+        if recipe.planes:
+            objective: Any = partial(known_flow_losses, decay=recipe.losses.decay)
+            pairs: Any = GeneratedPairs()
+            transform: Any = GeneratedSamples(recipe.planes)
+        else:
+            frames = flow_frames(store, recipe, snapshot)
+            pairs = StoredPairs(frames, LEARNT)
+            if not len(pairs):
+                raise MissingEvidenceError(
+                    f"{store.url}: no pair of frames to learn from: a drive needs three pairs of "
+                    "images, the last of which are held out"
+                )
+            objective = partial(self_supervised_losses, own=recipe.losses)
+            occluded = recipe.losses.occlusion > 0
+            transform = TaughtSamples(recipe.pairs, flow_teacher(store, recipe), occluded)
+            arguments["start"] = read_weights(store, recipe.teacher, AVERAGE)
+        progress = train(
+            store, model, pairs, transform, recipe.network, recipe.loop, place,
+            objective=objective, **arguments,
+        )  # fmt: skip
+        return model, progress
+
+
+def flow_frames(store: Store, recipe: FlowRecipe, snapshot: str) -> Frames:
+    """Return the frames of the recipe's query, as a snapshot has them."""
+    return open_frames(store, recipe.query, snapshot=snapshot, parameters=recipe.parameters)
+
+
+def flow_teacher(store: Store, recipe: FlowRecipe) -> Estimator:
+    """Return the network that is finetuned, as it was."""
+    iterations = recipe.pairs.teacher_iterations
+    wanted = CueSettings(method="raft", model=recipe.teacher, iterations=iterations)
+    return chosen_estimator(store, wanted)
+
+
+def _begun(store: Store, recipe: FlowRecipe) -> str | None:
+    """Return the snapshot of the unfinished model of a recipe, or of the finished one.
+
+    Raises:
+        MissingEvidenceError: there is none.
+    """
+    for row in sorted(model_rows(store), key=lambda row: bool(row["finished"])):
+        if recipe.identity(row["snapshot"]).model_id == row["model_id"]:
+            return str(row["snapshot"])
+    raise MissingEvidenceError(
+        f"{store.url}: no checkpoint of a flow network with these settings to resume: see "
+        "`tcrdata models`, or leave --resume out"
+    )
+
+
+def _grouped(assignments: Mapping[str, str], groups: tuple[str, ...]) -> dict[str, dict[str, str]]:
+    found: dict[str, dict[str, str]] = {name: {} for name in ("", *groups)}
+    for name, text in assignments.items():
+        group, dot, attribute = name.partition(".")
+        if dot and group not in groups:
+            raise SettingsError(settings.unknown(f"group '{group}' in '{name}'", group, groups))
+        found[group if dot else ""][attribute if dot else name] = text
+    return found

@@ -1,0 +1,228 @@
+"""Samples of flow: generated pairs, and a store's pairs with what a teacher says of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from tcrdata.errors import FrameError, SettingsError
+from tcrdata.evidence.flow_cycle import measure
+from tcrdata.evidence.flow_estimators import Estimator
+from tcrdata.learning.frames import Frames
+from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
+from tcrdata.types import BoolArray, Float32Array, ImageArray
+
+LEARNT, HELD_OUT = "learnt", "held out"
+
+
+class GeneratedPairs:
+    """Pairs that are drawn when they are asked for: the transform draws them."""
+
+    def __len__(self) -> int:
+        return 1
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """Return nothing but a name: all comes of the random numbers of the position."""
+        return {"key": "generated"}
+
+    def column(self, name: str) -> list[Any]:  # noqa: ARG002
+        """Return a column of the pairs: there are no labels among them."""
+        return [0]
+
+
+@dataclass(frozen=True)
+class GeneratedSamples:
+    """Draws a pair: `input` (6, H, W) in [0, 1], `flow` (2, H, W) px, `known` (1, H, W)."""
+
+    planes: PlaneSettings
+
+    def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+        """Return a pair drawn with these random numbers."""
+        pair = textured_planes(self.planes, rng)
+        images = np.concatenate([pair.first, pair.second], axis=2)
+        known = pair.known[None].astype(np.float32)
+        return {**sample, "input": _upright(images), "flow": _upright(pair.flow), "known": known}
+
+
+class StoredPairs:
+    """The pairs of one part of the query `training/flow`, each with both images."""
+
+    def __init__(self, frames: Frames, part: str) -> None:
+        """Take those rows of a query's frames whose column `part` says so."""
+        self._frames, self._part = frames, part
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """Return `first` and `second`, (H, W, 3) RGB, with their keys.
+
+        Raises:
+            FrameError: an image cannot be read, or the two differ in size.
+        """
+        place = self._numbers[number]
+        start, end = self._frames[place], self._frames[place + 1]
+        key = f"{start['dataset']}/{start['sequence']} frames {start['frame']}, {end['frame']}"
+        if start["image"].shape != end["image"].shape:
+            raise FrameError(f"{key}: images of two sizes; flow needs one: leave one of them out")
+        kept = {name: start[name] for name in ("dataset", "sequence", "frame", "frame_to")}
+        return {**kept, "key": key, "first": start["image"], "second": end["image"]}
+
+    def column(self, name: str) -> list[Any]:
+        """Return a column of the query for all pairs."""
+        values = self._frames.column(name)
+        return [values[place] for place in self._numbers]
+
+    @cached_property
+    def _numbers(self) -> list[int]:
+        parts = self._frames.column("part")
+        return [number for number, part in enumerate(parts) if part == self._part]
+
+
+@dataclass(frozen=True)
+class PairSettings:
+    """What the student sees of a pair.
+
+    Attributes:
+        height_px: of the piece that is cut out.
+        width_px: of it.
+        margin_px: around it that the teacher sees, too.
+        teacher_iterations: corrections that the teacher makes.
+        scale: of the images before anything is cut.
+        boxes: occlusions of one image, at most.
+        least_box: smallest side of one, as a share of the piece's height.
+        largest_box: largest.
+        flip: mirror half of the pairs.
+    """
+
+    height_px: int = 128
+    width_px: int = 256
+    margin_px: int = 32
+    teacher_iterations: int = 8
+    scale: float = 1.0
+    boxes: int = 4
+    least_box: float = 0.1
+    largest_box: float = 0.4
+    flip: bool = True
+
+    def __post_init__(self) -> None:
+        if min(self.height_px, self.width_px) < 64 or self.margin_px < 0 or self.scale <= 0:
+            raise SettingsError(
+                f"pairs of {self.width_px}x{self.height_px} px at scale {self.scale:g}, margin "
+                f"{self.margin_px}: 64 px a side, a scale above 0 and no negative margin are needed"
+            )
+
+
+@dataclass(frozen=True)
+class TaughtSamples:
+    """Cuts a piece of a pair, asks the teacher, and hides boxes from the student.
+
+    Attributes:
+        pairs: what is cut and hidden.
+        teacher: sees the clean pair and a margin around the piece.
+        occluded: whether anything is hidden.
+    """
+
+    pairs: PairSettings
+    teacher: Estimator
+    occluded: bool
+
+    def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+        """Return `input` (6, H, W), `images` (2, 3, H, W), `taught` (2, 2, H, W) px, and `trusted`
+        and `hidden` (2, 1, H, W): forward, then backward.
+        """  # noqa: D205
+        own = self.pairs
+        first, second = (_scaled(sample[name], own) for name in ("first", "second"))
+        if own.flip and rng.random() < 0.5:
+            first, second = (np.ascontiguousarray(image[:, ::-1]) for image in (first, second))
+        window, piece = _places(first.shape, own, rng)
+        flows = self.teacher.both_ways(first[window], second[window])
+        trusted = measure(*flows).paper[piece], measure(flows[1], flows[0]).paper[piece]
+        taught = [flow[piece] for flow in flows]
+        images = [_unit(image[window][piece]) for image in (first, second)]
+        covers = [np.zeros(images[0].shape[:2], bool) for _ in range(2)]
+        if self.occluded:
+            covers[int(rng.integers(2))] = _boxes(images[0].shape, own, rng)
+        shown = [_covered(i, cover, rng) for i, cover in zip(images, covers, strict=True)]
+        hidden = [
+            covers[0] | _at_end(covers[1], taught[0]), covers[1] | _at_end(covers[0], taught[1])
+        ]  # fmt: skip
+        return {
+            "key": sample["key"],
+            "input": _upright(np.concatenate(shown, axis=2)),
+            "images": np.stack([_upright(image) for image in images]),
+            "taught": np.stack([_upright(flow) for flow in taught]),
+            "trusted": np.stack(trusted)[:, None].astype(np.float32),
+            "hidden": np.stack(hidden)[:, None].astype(np.float32),
+        }
+
+
+def _scaled(image: ImageArray, own: PairSettings) -> ImageArray:
+    """The image at the scale, and no smaller than the piece: edges are repeated below and right."""
+    import cv2
+
+    if own.scale != 1:
+        image = np.asarray(
+            cv2.resize(image, None, fx=own.scale, fy=own.scale, interpolation=cv2.INTER_AREA)
+        )
+    below, right = max(0, own.height_px - len(image)), max(0, own.width_px - image.shape[1])
+    if below or right:
+        image = np.pad(image, ((0, below), (0, right), (0, 0)), mode="edge")
+    return image
+
+
+def _places(
+    shape: tuple[int, ...], own: PairSettings, rng: np.random.Generator
+) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """A random piece with its margin, in the image; and the piece in that."""
+    windows, pieces = [], []
+    for size, wanted in zip(shape, (own.height_px, own.width_px), strict=False):
+        start = int(rng.integers(0, size - wanted + 1))
+        first, last = max(0, start - own.margin_px), min(size, start + wanted + own.margin_px)
+        windows.append(slice(first, last))
+        pieces.append(slice(start - first, start - first + wanted))
+    return (windows[0], windows[1]), (pieces[0], pieces[1])
+
+
+def _boxes(shape: tuple[int, ...], own: PairSettings, rng: np.random.Generator) -> BoolArray:
+    height, width = shape[:2]
+    cover = np.zeros((height, width), bool)
+    for _ in range(int(rng.integers(1, own.boxes + 1))):
+        high, wide = (rng.uniform(own.least_box, own.largest_box, 2) * height).astype(int) + 1
+        top, left = int(rng.integers(-high // 2, height)), int(rng.integers(-wide // 2, width))
+        cover[max(0, top) : top + high, max(0, left) : left + wide] = True
+    return cover
+
+
+def _covered(image: Float32Array, cover: BoolArray, rng: np.random.Generator) -> Float32Array:
+    """The image with noise about its mean colour where it is covered."""
+    if not cover.any():
+        return image
+    noise = rng.standard_normal(image.shape, dtype=np.float32) * image.std() + image.mean(
+        axis=(0, 1)
+    )
+    return np.where(cover[..., None], np.clip(noise, 0, 1), image).astype(np.float32)
+
+
+def _at_end(cover: BoolArray, flow: Float32Array) -> BoolArray:
+    """Where a flow ends in what is covered."""
+    height, width = cover.shape
+    rows, columns = np.indices((height, width))
+    x = np.rint(columns + flow[..., 0]).clip(-1, width).astype(int)
+    y = np.rint(rows + flow[..., 1]).clip(-1, height).astype(int)
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    ends: BoolArray = inside & cover[y.clip(0, height - 1), x.clip(0, width - 1)]
+    return ends
+
+
+def _unit(image: ImageArray) -> Float32Array:
+    """Colours in [0, 1]."""
+    return np.asarray(image / np.float32(255), dtype=np.float32)
+
+
+def _upright(image: Float32Array) -> Float32Array:
+    """(H, W, C) to (C, H, W)."""
+    return np.ascontiguousarray(np.moveaxis(image, 2, 0))

@@ -1,0 +1,188 @@
+"""Copies of a sweep's labelled objects, set elsewhere in the same sweep.
+
+A lidar shows an object as densely from every azimuth: turned about the sensor, its points are what
+it would show there; moved away from it, the share 1 / factor^2 of them is. Copies are stretched,
+since few objects move in a drive and their like come in other sizes (random object scaling: Yang
+et al., ST3D, CVPR 2021).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tcrdata.geometry.boxes import points_in_box
+from tcrdata.learning.augmentation import SweepAugmentation, yaw_rotation
+from tcrdata.networks.center_targets import LabelBoxes
+from tcrdata.networks.grids import Region
+from tcrdata.types import BoolArray, Float32Array, FloatArray, IntArray
+
+_FEWEST_POINTS = 8
+_TURNS = 16
+_ROOM_M = 0.3
+_GROUND_REACH_M = 2.5
+_BEHIND_M = 0.3
+# Twice the steps of a lidar of 64 beams, so that an object seen as points hides as a surface.
+_CELL_RAD = (0.007, 0.0146)
+
+
+@dataclass(frozen=True)
+class Cloud:
+    """The points of a sweep, metres of a road scene, and where each came from.
+
+    Attributes:
+        xyz: (N, 3) level frame.
+        height_m: (N,) above the ground; NaN where unknown.
+        ground: (N,) whether each is ground.
+        origin: (N,) number of the sweep's point that it is, or is a copy of.
+    """
+
+    xyz: Float32Array
+    height_m: Float32Array
+    ground: BoolArray
+    origin: IntArray
+
+    def chosen(self, which: NDArray[np.bool_ | np.integer]) -> Cloud:
+        """Return some of the points."""
+        return Cloud(self.xyz[which], self.height_m[which], self.ground[which], self.origin[which])
+
+    def joined(self, other: Cloud) -> Cloud:
+        """Return the points of both."""
+        names = self.__dataclass_fields__
+        return Cloud(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in names))
+
+
+def labelled_objects(cloud: Cloud, labels: LabelBoxes) -> list[tuple[int, Cloud]]:
+    """Return numbers of positive labels and their points, of those that show enough."""
+    solid = np.flatnonzero(~cloud.ground)
+    xyz = cloud.xyz[solid]
+    inside = (
+        (int(number), solid[points_in_box(xyz, labels.boxes[number], 0.1)])
+        for number in np.flatnonzero(labels.positive)
+    )
+    return [(n, cloud.chosen(members)) for n, members in inside if len(members) >= _FEWEST_POINTS]
+
+
+def with_copies(
+    cloud: Cloud,
+    labels: LabelBoxes,
+    objects: Sequence[tuple[int, Cloud]],
+    region: Region,
+    settings: SweepAugmentation,
+    rng: np.random.Generator,
+) -> tuple[Cloud, LabelBoxes]:
+    """Return a sweep and its labels with copies of labelled objects.
+
+    A copy that finds no free ground is dropped, as is one that nearer things hide. What a copy
+    hides is taken out.
+
+    Args:
+        cloud: the points in the region.
+        labels: of the frame.
+        objects: `labelled_objects` of the whole sweep: those outside of the region, too.
+        region: where copies go.
+        settings: those whose names begin with `pasted`.
+        rng: random numbers.
+    """
+    for _ in range(settings.pasted if objects else 0):
+        number, own = objects[int(rng.integers(len(objects)))]
+        farther = float(rng.uniform(1.0, settings.pasted_farther))
+        own = own.chosen(rng.random(len(own.xyz)) < farther**-2)
+        box = _elsewhere(labels.boxes[number], farther, settings.pasted_stretch, region, rng)
+        floor = None if box is None else _free_floor(cloud, box)
+        if box is None or floor is None or len(own.xyz) < _FEWEST_POINTS:
+            continue
+        box[1] = floor - box[5] / 2
+        copy = _moved(own, labels.boxes[number], box)
+        shown, seen = _shadows(cloud.xyz, copy.xyz)
+        if seen.mean() >= 1 - settings.pasted_hidden_share:
+            cloud = cloud.chosen(shown).joined(copy.chosen(seen))
+            labels = _with_box(labels, box, number)
+    return cloud, labels
+
+
+def _with_box(labels: LabelBoxes, box: FloatArray, like: int) -> LabelBoxes:
+    return LabelBoxes(
+        np.vstack([labels.boxes, box]),
+        np.append(labels.positive, True),
+        np.append(labels.moving, labels.moving[like]),
+    )
+
+
+def _elsewhere(
+    box: FloatArray, farther: float, stretch: float, region: Region, rng: np.random.Generator
+) -> FloatArray | None:
+    """Return a (7,) box turned about the sensor into the region, farther away, its sides stretched.
+
+    Its y is still the old one's. None where a few draws do not hit the region.
+    """
+    turns = rng.uniform(-np.pi, np.pi, _TURNS)
+    cos, sin = np.cos(turns) * farther, np.sin(turns) * farther
+    x, z = box[0] * cos + box[2] * sin, box[2] * cos - box[0] * sin
+    factors = rng.uniform(1 - stretch, 1 + stretch, 3)
+    inside = np.flatnonzero(region.cells(x, z)[1])
+    if not len(inside):
+        return None
+    first = inside[0]
+    sides = box[3:6] * factors
+    return np.array([x[first], box[1], z[first], *sides, box[6] + turns[first]])
+
+
+def _free_floor(cloud: Cloud, box: FloatArray) -> float | None:
+    """Return y of the ground where a box shall stand; None where something does or none is seen."""
+    reach = max(np.hypot(box[3], box[4]) / 2 + _ROOM_M, _GROUND_REACH_M)
+    off = np.abs(cloud.xyz[:, [0, 2]] - box[[0, 2]].astype(np.float32)).max(axis=1)
+    near = cloud.chosen(np.flatnonzero(off <= reach))
+    if not near.ground.any():
+        return None
+    tall = box.copy()
+    tall[5] = 100.0
+    if points_in_box(near.xyz[~near.ground], tall, _ROOM_M).any():
+        return None
+    return float(np.median(near.xyz[near.ground, 1]))
+
+
+def _moved(own: Cloud, before: FloatArray, after: FloatArray) -> Cloud:
+    """Return an object's points in another box, standing on its bottom."""
+    feet = [box[:3] + np.array([0.0, box[5] / 2, 0.0]) for box in (before, after)]
+    factors = (after[3:6] / before[3:6])[[0, 2, 1]]
+    local = (own.xyz - feet[0]) @ yaw_rotation(before[6]) * factors
+    xyz = (local @ yaw_rotation(after[6]).T + feet[1]).astype(np.float32)
+    return replace(own, xyz=xyz, height_m=own.height_m * np.float32(factors[1]))
+
+
+def _shadows(scene: Float32Array, copy: Float32Array) -> tuple[BoolArray, BoolArray]:
+    """Return which points of a scene a copy leaves to be seen, and which of its own are."""
+    turn, ranges, cells = _directions(copy)
+    middle = float(turn[len(turn) // 2])
+    shown = np.ones(len(scene), dtype=bool)
+    reach = np.abs(_half_turn(turn - middle)).max() + _CELL_RAD[0]
+    azimuth = np.arctan2(scene[:, 0], scene[:, 2])
+    near = np.flatnonzero(np.abs(_half_turn(azimuth - middle)) <= reach)
+    _, scene_ranges, scene_cells = _directions(scene[near])
+    numbers, own = np.unique(cells, return_inverse=True)
+    place = np.minimum(np.searchsorted(numbers, scene_cells), len(numbers) - 1)
+    same = numbers[place] == scene_cells
+    nearest = np.full(len(numbers), np.inf)
+    np.minimum.at(nearest, own, ranges)
+    shown[near] = ~(same & (scene_ranges > nearest[place] + _BEHIND_M))
+    front = np.full(len(numbers), np.inf)
+    np.minimum.at(front, place[same], scene_ranges[same])
+    return shown, np.asarray(ranges <= front[own] + _BEHIND_M)
+
+
+def _directions(xyz: Float32Array) -> tuple[Float32Array, Float32Array, IntArray]:
+    """Return (N,) azimuths, ranges and cells of direction."""
+    flat = np.hypot(xyz[:, 0], xyz[:, 2])
+    azimuth = np.arctan2(xyz[:, 0], xyz[:, 2])
+    column = np.floor(azimuth / _CELL_RAD[0]).astype(np.int64)
+    line = np.floor(np.arctan2(xyz[:, 1], flat) / _CELL_RAD[1]).astype(np.int64)
+    return azimuth, np.hypot(flat, xyz[:, 1]), column * 10_000 + line
+
+
+def _half_turn(angle: Float32Array) -> Float32Array:
+    """Return angles brought to [-pi, pi)."""
+    return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi, dtype=np.float32)

@@ -1,0 +1,186 @@
+"""Losses of optical flow: against what is known, against images, and against a teacher.
+
+All sum over the iterations of RAFT, a later one counting more: `sum_k decay^(K - 1 - k) loss_k`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from torch.nn import functional
+
+from tcrdata.errors import SettingsError
+
+SELF_SUPERVISED = ("photometric", "teacher", "occlusion")
+"""What can be learnt without truth, one by one or together."""
+
+
+@dataclass(frozen=True)
+class FlowLossSettings:
+    """What counts how much.
+
+    Attributes:
+        decay: of an iteration's weight to that of the next one.
+        exponent: alpha of the generalised Charbonnier penalty.
+        epsilon: of it; colours are in [0, 1], flows in pixels.
+        smoothness: weight of the smoothness beside the photometric loss.
+        edge: how much a step in colour lets the flow step.
+        photometric: weight; 0 leaves it out.
+        teacher: weight of what the teacher says of its consistent pixels.
+        occlusion: weight of what it says where the student sees nothing.
+        cycle_share: alpha 1 of the cycle test.
+        cycle_slack_px: alpha 2 of it, px^2.
+    """
+
+    decay: float = 0.8
+    exponent: float = 0.45
+    epsilon: float = 1e-3
+    smoothness: float = 0.02
+    edge: float = 10.0
+    photometric: float = 1.0
+    teacher: float = 0.1
+    occlusion: float = 0.1
+    cycle_share: float = 0.05
+    cycle_slack_px: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not any(getattr(self, name) > 0 for name in SELF_SUPERVISED):
+            raise SettingsError(f"no loss is left: give one of {', '.join(SELF_SUPERVISED)}")
+
+
+def charbonnier(value: torch.Tensor, own: FlowLossSettings) -> torch.Tensor:
+    """Return the generalised Charbonnier penalty `(x^2 + epsilon^2)^alpha`."""
+    return (value * value + own.epsilon**2) ** own.exponent
+
+
+def sample(image: torch.Tensor, flow: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    """Return (B, C, H, W) at p + flow(p), bilinear, and (B, 1, H, W): 1 where that lies inside.
+
+    Args:
+        image: (B, C, H, W).
+        flow: (B, 2, H, W), px (column, row).
+    """
+    height, width = flow.shape[-2:]
+    rows, columns = torch.meshgrid(
+        torch.arange(height, device=flow.device, dtype=flow.dtype),
+        torch.arange(width, device=flow.device, dtype=flow.dtype),
+        indexing="ij",
+    )
+    x, y = columns + flow[:, 0], rows + flow[:, 1]
+    inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    ends = torch.stack([(2 * x + 1) / width - 1, (2 * y + 1) / height - 1], dim=-1)
+    found = functional.grid_sample(image, ends, align_corners=False, padding_mode="border")
+    return found, inside.unsqueeze(1).to(image.dtype)
+
+
+def cycle_consistent(flow: torch.Tensor, back: torch.Tensor, own: FlowLossSettings) -> torch.Tensor:
+    """Return (B, 1, H, W): 1 where `|w + w''|^2 < alpha 1 (|w|^2 + |w''|^2) + alpha 2` (eq. 5).
+
+    Args:
+        flow: (B, 2, H, W) px.
+        back: (B, 2, H, W) px, of the pair turned round.
+        own: the alphas.
+    """
+    returned, inside = sample(back, flow)
+    squared = ((flow + returned) ** 2).sum(dim=1, keepdim=True)
+    size = (flow**2 + returned**2).sum(dim=1, keepdim=True)
+    return (squared < own.cycle_share * size + own.cycle_slack_px).to(flow.dtype) * inside
+
+
+def photometric_loss(
+    flow: torch.Tensor,
+    images: tuple[torch.Tensor, torch.Tensor],
+    seen: torch.Tensor,
+    own: FlowLossSettings,
+) -> torch.Tensor:
+    """Return the mean of `rho(I1(p) - I2(p + w(p)))` over the pixels that are seen (eq. 2).
+
+    Args:
+        flow: (B, 2, H, W) px.
+        images: both (B, 3, H, W) in [0, 1].
+        seen: (B, 1, H, W): 0 where the second image hides the pixel.
+        own: the penalty.
+    """
+    warped, inside = sample(images[1], flow)
+    return _mean(charbonnier(images[0] - warped, own).mean(dim=1, keepdim=True), seen * inside)
+
+
+def smoothness_loss(flow: torch.Tensor, image: torch.Tensor, own: FlowLossSettings) -> torch.Tensor:
+    """Return the mean of `exp(-edge |dI|) rho(dw)` over both directions (eq. 3, edge-aware)."""
+    total = flow.new_zeros(())
+    for dim in (-1, -2):
+        step = torch.diff(image, dim=dim).abs().mean(dim=1, keepdim=True)
+        bend = charbonnier(torch.diff(flow, dim=dim), own).sum(dim=1, keepdim=True)
+        total = total + (torch.exp(-own.edge * step) * bend).mean()
+    return total
+
+
+def imitation_loss(
+    flow: torch.Tensor, taught: torch.Tensor, mask: torch.Tensor, own: FlowLossSettings
+) -> torch.Tensor:
+    """Return the mean of `rho(w - w_teacher)` over a mask (B, 1, H, W)."""
+    return _mean(charbonnier(flow - taught, own).sum(dim=1, keepdim=True), mask)
+
+
+def known_flow_losses(
+    outputs: Mapping[str, torch.Tensor], batch: Mapping[str, torch.Tensor], decay: float
+) -> dict[str, torch.Tensor]:
+    """Return the mean absolute error against flow that is known.
+
+    Args:
+        outputs: `flow`, (B, K, 2, H, W).
+        batch: `flow` (B, 2, H, W) and `known` (B, 1, H, W).
+        decay: of the iterations' weights.
+    """
+    error = (outputs["flow"] - batch["flow"].unsqueeze(1)).abs().sum(dim=2)
+    by_iteration = (error * batch["known"]).sum(dim=(0, 2, 3)) / batch["known"].sum().clamp(min=1)
+    return {"known": (by_iteration * _shares(len(by_iteration), decay, error)).sum()}
+
+
+def self_supervised_losses(
+    outputs: Mapping[str, torch.Tensor], batch: Mapping[str, torch.Tensor], own: FlowLossSettings
+) -> dict[str, torch.Tensor]:
+    """Return the losses that need no truth, each only where its weight is above 0.
+
+    Args:
+        outputs: `flow`, (2 B, K, 2, H, W): pair after pair, forward then backward.
+        batch: `images` (B, 2, 3, H, W), not occluded; `taught` (B, 2, 2, H, W) flow of the teacher,
+            forward and backward; `trusted` (B, 2, 1, H, W), where it is cycle-consistent; `hidden`
+            (B, 2, 1, H, W), where the student's input was occluded.
+        own: weights and penalty.
+    """
+    first, second = batch["images"].flatten(0, 1), batch["images"].flip(1).flatten(0, 1)
+    taught, trusted, hidden = (batch[n].flatten(0, 1) for n in ("taught", "trusted", "hidden"))
+    flows = outputs["flow"]
+    shares = _shares(flows.shape[1], own.decay, flows)
+    seen = None
+    if own.photometric > 0:
+        last = flows[:, -1].detach()
+        back = last.view(-1, 2, *last.shape[1:]).flip(1).flatten(0, 1)
+        seen = cycle_consistent(last, back, own)
+    totals: dict[str, torch.Tensor] = {}
+    for number, share in enumerate(shares):
+        flow = flows[:, number]
+        parts = {}
+        if seen is not None:
+            parts["photometric"] = photometric_loss(flow, (first, second), seen, own)
+            parts["smoothness"] = own.smoothness * smoothness_loss(flow, first, own)
+        if own.teacher > 0:
+            parts["teacher"] = imitation_loss(flow, taught, trusted * (1 - hidden), own)
+        if own.occlusion > 0:
+            parts["occlusion"] = imitation_loss(flow, taught, trusted * hidden, own)
+        for name, part in parts.items():
+            weight = own.photometric if name == "smoothness" else getattr(own, name)
+            totals[name] = totals.get(name, 0) + share * weight * part
+    return totals
+
+
+def _shares(iterations: int, decay: float, like: torch.Tensor) -> torch.Tensor:
+    steps = torch.arange(iterations - 1, -1, -1, device=like.device, dtype=like.dtype)
+    return decay**steps
+
+
+def _mean(values: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
+    return (values * mask).sum() / mask.sum().clamp(min=1.0)

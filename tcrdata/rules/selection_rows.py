@@ -1,0 +1,126 @@
+"""The rows that a selection writes: its labels batch by batch, then its own."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import duckdb
+
+from tcrdata.rules.binding import EVIDENCE_TABLES
+from tcrdata.rules.judging import judge
+from tcrdata.rules.presets import FilledPreset
+from tcrdata.rules.rounds import of_round
+from tcrdata.store import FileEntry, Store, Unit, schemas
+from tcrdata.store.filesystem import Filesystem
+from tcrdata.store.rows import repeated
+from tcrdata.store.views import create_views
+
+BATCH_ROWS = 2_000_000
+"""Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
+
+_BATCH = "batch"  # schema that holds the views of the batch at hand
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a preset.
+
+    Attributes:
+        preset: with its parameters filled in.
+        snapshot: name of the frozen list of files.
+        files: those of it that the rules see.
+        unit: that the rows belong to; its sequence is the selection's id.
+        name: of the selection.
+    """
+
+    preset: FilledPreset
+    snapshot: str
+    files: Sequence[FileEntry]
+    unit: Unit
+    name: str
+
+
+def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """Yield a table and columns for it: labels batch by batch, then the selection's own row."""
+    positive = undecided = 0
+    opened = Filesystem(store.url)
+    with duckdb.connect() as connection:
+        connection.execute("set global parquet_metadata_cache = true")
+        for batch in _batches(run.files):
+            connection.execute(f"drop schema if exists {_BATCH} cascade")
+            create_views(connection, opened, batch, {}, _BATCH)
+            relations = {t: of_round(f"{_BATCH}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
+            rows = sum(entry.rows for entry in batch["proposals"])
+            judged = judge(connection, run.preset, relations, rows)
+            positive += judged.positive
+            undecided += judged.undecided
+            columns = {name: judged.labels[name] for name in judged.labels.column_names}
+            own = repeated(run.unit.sequence, judged.labels.num_rows)
+            yield "labels", {"selection_id": own, **columns}
+        yield "labels", {}
+        yield "selections", _own_row(connection, run, positive, undecided)
+
+
+def decided_by(preset: FilledPreset) -> dict[str, Any]:
+    """Return what a preset decides by, as plain values."""
+    return {
+        "name": preset.name,
+        "rules": [[rule.name, rule.select, rule.required] for rule in preset.rules],
+        "preset": preset.select,
+        "parameters": preset.parameters,
+    }
+
+
+def _own_row(
+    connection: duckdb.DuckDBPyConnection, run: Run, positive: int, undecided: int
+) -> dict[str, Any]:
+    """The columns of the selection's row of `selections`.
+
+    DuckDB makes Arrow columns of plain values; Arrow itself would import pandas for it.
+    """
+    preset = run.preset
+    row = {
+        "selection_id": run.unit.sequence,
+        "name": run.name,
+        "preset": preset.name,
+        "round": run.unit.round,
+        "snapshot": run.snapshot,
+        "rules": [rule.name for rule in preset.rules],
+        "rule_texts": [rule.select for rule in preset.rules],
+        "required": [rule.required for rule in preset.rules],
+        "preset_text": preset.select,
+        "parameters": dict(sorted(preset.parameters.items())),
+        "alternatives": json.dumps([decided_by(other) for other in preset.alternatives]),
+        "proposals_judged": sum(e.rows for e in run.files if e.table == "proposals"),
+        "labels": positive,
+        "ignored": undecided,
+    }
+    kinds = {column.name: column.type for column in schemas.columns("selections")}
+    made = connection.sql(
+        "select unnest(from_json($row, $kinds))",
+        params={"row": json.dumps(row), "kinds": json.dumps(kinds)},
+    ).to_arrow_table()
+    return {name: made[name] for name in row}
+
+
+def _batches(files: Sequence[FileEntry]) -> Iterator[dict[str, list[FileEntry]]]:
+    """Files of whole sequences, in order, about BATCH_ROWS proposals together."""
+    sequences: dict[tuple[str, str], list[FileEntry]] = defaultdict(list)
+    for entry in files:
+        sequences[entry.unit.dataset, entry.unit.sequence].append(entry)
+    batch: dict[str, list[FileEntry]] = {table: [] for table in EVIDENCE_TABLES}
+    rows = 0
+    for key in sorted(sequences):
+        more = sum(entry.rows for entry in sequences[key] if entry.table == "proposals")
+        if rows and rows + more > BATCH_ROWS:
+            yield batch
+            batch, rows = {table: [] for table in EVIDENCE_TABLES}, 0
+        for entry in sequences[key]:
+            batch[entry.table].append(entry)
+        rows += more
+    if rows:
+        yield batch

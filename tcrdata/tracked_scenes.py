@@ -1,0 +1,205 @@
+"""A sequence's frames as trackers see them: points without ground, features, boxes, visibility."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tcrdata.errors import FrameError, MissingEvidenceError
+from tcrdata.evidence.point_rows import decode_matching, read_encoded
+from tcrdata.evidence.poses import read_poses
+from tcrdata.evidence.range_images import (
+    LidarCells,
+    RangeGrid,
+    RangeImage,
+    cells_of,
+    range_image,
+    sensor_grid,
+)
+from tcrdata.evidence.world import World, make_world
+from tcrdata.geometry.transforms import inverse, transform_points
+from tcrdata.ingest import frames_of
+from tcrdata.plan import ROUND
+from tcrdata.store import Store
+from tcrdata.tracking.scenes import Candidates, Scene
+from tcrdata.types import (
+    Dataset,
+    Float32Array,
+    FloatArray,
+    Frame,
+    ImageArray,
+    PointCloud,
+    Sensor,
+    Tables,
+)
+
+BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+_CELLS = LidarCells()
+_UNDECIDED = 0.5
+
+
+class FrameView:
+    """Rays of one frame's sensor, in the world; satisfies `tcrdata.tracking.scenes.View`."""
+
+    def __init__(
+        self, frame: Frame, sensor: Sensor, points: PointCloud, world_T_level: FloatArray
+    ) -> None:
+        self._grid: RangeGrid = sensor_grid(frame, sensor, _CELLS)
+        self._image: RangeImage = range_image(points.xyz, self._grid)
+        sensor_T_level = np.vstack([self._grid.sensor_T_level, [0, 0, 0, 1]]).astype(np.float64)
+        self._sensor_T_world = (sensor_T_level @ inverse(world_T_level))[:3].astype(np.float32)
+        self.origin: FloatArray = np.asarray(
+            world_T_level[:3, :3] @ inverse(sensor_T_level)[:3, 3] + world_T_level[:3, 3]
+        )
+
+    def nearest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return ranges of (N, 3) world points and of the first returns on their rays."""
+        columns = np.ascontiguousarray(points.T, dtype=np.float32)
+        cells, ranges = cells_of(columns, self._sensor_T_world, self._grid)
+        first = self._image.nearest_m.ravel()[cells]
+        # A LiDAR leaves cells empty between its beams: the window around says what is there.
+        first = np.where(np.isinf(first), self._image.window_m.ravel()[cells], first)
+        return ranges.astype(np.float64), np.where(cells > 0, first, np.nan).astype(np.float64)
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """All that is needed to read one sequence's scenes.
+
+    Attributes:
+        dataset: reads points and images.
+        sensor: lidar or depth.
+        metric_scale: of the sequence.
+        tables: of the sequence, first round.
+        labels: frame to the rows of the labels there.
+        world: its frames with their poses.
+        heat: proposal to s * o, where a network has spoken.
+    """
+
+    dataset: Dataset
+    sensor: Sensor
+    metric_scale: float
+    tables: Tables
+    world: World
+    labels: Mapping[int, list[dict[str, Any]]]
+    heat: Mapping[str, float]
+
+    def scenes(self) -> Iterator[tuple[Scene, list[str | None]]]:
+        """Yield every frame that can be read, with the proposals of its candidates."""
+        for number, frame in self.world.frames.items():
+            try:
+                cloud = self.dataset.read_points(frame)
+            except FrameError:
+                continue
+            yield self.scene(number, frame, cloud)
+
+    def scene(self, number: int, frame: Frame, cloud: PointCloud) -> tuple[Scene, list[str | None]]:
+        """Return one frame."""
+        pose = self.world.poses.world_T_level[number]
+        ground = read_encoded(self.tables, number, "ground", round=ROUND)
+        kept = np.ones(len(cloud), dtype=bool)
+        if ground is not None:
+            kept = ~decode_matching(ground, len(cloud)).astype(bool)
+        points = transform_points(pose, cloud.xyz[kept]).astype(np.float32)
+        rows = self.labels.get(number, [])
+        scene = Scene(
+            number,
+            points,
+            self._features(frame, cloud, kept),
+            self._candidates(number, rows),
+            FrameView(frame, self.sensor, cloud, pose),
+        )
+        return scene, [row["proposal_id"] for row in rows]
+
+    def _features(self, frame: Frame, cloud: PointCloud, kept: np.ndarray) -> Float32Array:
+        """Occupancy with the colour of the pixel, or with a LiDAR's reflectance."""
+        if self.sensor == "depth" and frame.has_image and cloud.pixels is not None:
+            try:
+                image = self.dataset.read_image(frame)
+            except FrameError:
+                image = None
+            if image is not None:
+                return colour_features(image, cloud.pixels[kept])
+        return reflectance_features(cloud.reflectance[kept])
+
+    def _candidates(self, number: int, rows: list[dict[str, Any]]) -> Candidates:
+        boxes = np.array([[row[name] for name in BOX] for row in rows]).reshape(-1, 7)
+        placed = np.array([self.world.box_to_world(number, box) for box in boxes]).reshape(-1, 7)
+        return Candidates(
+            placed,
+            np.array([self._heat(row) for row in rows]),
+            np.array([row["state"] == "positive" for row in rows], dtype=bool),
+            tuple(row["track_id"] for row in rows),
+        )
+
+    def _heat(self, row: dict[str, Any]) -> float:
+        """A label is an object; what is undecided is one as far as the networks say so."""
+        return 1.0 if row["state"] == "positive" else self.heat.get(row["proposal_id"], _UNDECIDED)
+
+
+def colour_features(image: ImageArray, pixels: np.ndarray) -> Float32Array:
+    """Return (N, 4) unit vectors: occupancy, and the colour about a middle grey."""
+    colours = image[pixels[:, 1], pixels[:, 0]].astype(np.float32) / np.float32(255)
+    return unit(np.column_stack([np.ones(len(pixels), np.float32), 1.5 * (colours - 0.45)]))
+
+
+def reflectance_features(reflectance: Float32Array) -> Float32Array:
+    """Return (N, 3) unit vectors: occupancy, and the reflectance as a direction."""
+    angle = reflectance.astype(np.float32) * np.float32(np.pi)
+    return unit(np.column_stack([np.full(len(angle), 1.5), np.cos(angle), np.sin(angle)]))
+
+
+def unit(features: np.ndarray) -> Float32Array:
+    """Return rows of length 1."""
+    length = np.linalg.norm(features, axis=1, keepdims=True)
+    return np.ascontiguousarray(features / np.maximum(length, 1e-9), dtype=np.float32)
+
+
+def scene_source(
+    store: Store, dataset: Dataset, name: str, sequence: str, labels: list[dict[str, Any]]
+) -> SceneSource:
+    """Return what one sequence's scenes are read from.
+
+    Raises:
+        MissingEvidenceError: the sequence was not built, or has no egomotion.
+    """
+    tables = store.tables(name, sequence, ROUND)
+    (info,) = tables.read("sequences").to_pylist() or [None]
+    if info is None:
+        raise MissingEvidenceError(f"{name}/{sequence} is not in the store: build it first")
+    poses = read_poses(tables)
+    if not poses.segment:
+        poses = read_poses(tables, "flow_ransac")
+    world = make_world(list(frames_of(store, name, sequence)), poses)
+    if not world.frames:
+        raise MissingEvidenceError(
+            f"{name}/{sequence}: tracking needs egomotion, which no build has measured: build with "
+            "--preset tcrdata"
+        )
+    by_frame: dict[int, list[dict[str, Any]]] = defaultdict(list)
+    for row in labels:
+        by_frame[row["frame"]].append(row)
+    return SceneSource(
+        dataset, info["sensor"], info["metric_scale"], tables, world, by_frame,
+        _heat(store, name, sequence, labels),
+    )  # fmt: skip
+
+
+def _heat(store: Store, name: str, sequence: str, labels: list[dict[str, Any]]) -> dict[str, float]:
+    """Return s * o of each label that a network has judged: the newest round's confidences."""
+    wanted = {row["proposal_id"] for row in labels}
+    heat: dict[str, dict[str, tuple[int, float]]] = defaultdict(dict)
+    for module in ("objectness_2d", "objectness_3d"):
+        rows = store.read(
+            "confidences", columns=["proposal_id", "round", "confidence"], dataset=name,
+            sequence=sequence, module=module,
+        ).to_pylist()  # fmt: skip
+        for row in rows:
+            if row["proposal_id"] in wanted and row["confidence"] is not None:
+                known = heat[row["proposal_id"]].get(module, (0, 0.0))
+                heat[row["proposal_id"]][module] = max(known, (row["round"], row["confidence"]))
+    return {key: float(np.prod([v for _, v in own.values()])) for key, own in heat.items()}

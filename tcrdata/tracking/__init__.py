@@ -1,0 +1,1 @@
+"""Objects followed over time: short range, the library of trajectories, and long range."""

@@ -1,0 +1,276 @@
+"""A rigid template of an object in features, and its 3D cross-correlation with a frame's points.
+
+The template is a volume of feature vectors in the object's own axes, smoothed so that it can be
+matched finer than its voxels. A pose is scored by `sum_i f_i . T(pose^-1 x_i)` over the frame's
+points: the cross-correlation of the template with the (sparse) volume of the frame's features.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from tcrdata.tracking.scenes import to_box
+from tcrdata.types import Float32Array, FloatArray
+
+
+@dataclass(frozen=True)
+class CorrelationSettings:
+    """How templates are made and searched for; metres are multiplied by the metric scale.
+
+    Attributes:
+        voxel_m: side of a voxel.
+        margin_m: a template reaches this far beyond its box.
+        most_points: points of a frame that are matched, at most.
+        reach_m: the search goes this far from the prediction, along either axis.
+        yaw_rad: the turns that are tried lie this far apart.
+        fade: share of a template that an update keeps.
+        away_cost: what a pose at the edge of the search loses, in shares of a perfect match: within
+            a voxel a template hardly tells poses apart, and what stands must not creep.
+    """
+
+    voxel_m: float = 0.15
+    margin_m: float = 0.3
+    most_points: int = 400
+    reach_m: float = 0.6
+    yaw_rad: float = 0.07
+    fade: float = 0.95
+    away_cost: float = 0.05
+
+    def scaled(self, metric_scale: float) -> CorrelationSettings:
+        """Return the settings with metres of this world."""
+        return CorrelationSettings(
+            self.voxel_m * metric_scale,
+            self.margin_m * metric_scale,
+            self.most_points,
+            self.reach_m * metric_scale,
+            self.yaw_rad,
+            self.fade,
+            self.away_cost,
+        )
+
+
+@dataclass(frozen=True)
+class Template:
+    """What an object looks like.
+
+    Attributes:
+        raw: (U, V, W, C) float32, features summed into voxels along length, down, and width.
+        volume: the same, smoothed and scaled: its own points score 1 in the mean.
+        low: (3,) the volume's corner in the object's axes, metres.
+        voxel_m: side of a voxel.
+        points: points of the object in the frame that was seen last.
+    """
+
+    raw: Float32Array
+    volume: Float32Array
+    low: FloatArray
+    voxel_m: float
+    points: int
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where a template fits best.
+
+    Attributes:
+        box: (7,), moved and turned.
+        score: mean of the correlation over the points in the box; 1 is as good as the own ones.
+        points: how many these are.
+    """
+
+    box: FloatArray
+    score: float
+    points: int
+
+
+def make_template(
+    box: FloatArray, points: Float32Array, features: Float32Array, settings: CorrelationSettings
+) -> Template | None:
+    """Return the template of the points in a (7,) box; None without any."""
+    half = box[[3, 5, 4]] / 2 + settings.margin_m
+    inside, local = _near(box, points, half - settings.margin_m / 2)
+    if not len(inside):
+        return None
+    shape = tuple(np.maximum(np.ceil(2 * half / settings.voxel_m).astype(int), 3))
+    raw = np.zeros((*shape, features.shape[1]), np.float32)
+    chosen = np.ascontiguousarray(features[inside])
+    _splat(raw, local.astype(np.float32), chosen, -half.astype(np.float32),
+           np.float32(1 / settings.voxel_m))  # fmt: skip
+    return _template(raw, local, chosen, -half, settings.voxel_m)
+
+
+def updated(
+    template: Template,
+    box: FloatArray,
+    points: Float32Array,
+    features: Float32Array,
+    settings: CorrelationSettings,
+) -> Template:
+    """Return a template that has also seen the points in its (7,) box in another frame."""
+    inside, local = _near(box, points, box[[3, 5, 4]] / 2 + settings.margin_m / 2)
+    if not len(inside):
+        return template
+    raw = template.raw * np.float32(settings.fade)
+    chosen = np.ascontiguousarray(features[inside])
+    _splat(raw, local.astype(np.float32), chosen, template.low.astype(np.float32),
+           np.float32(1 / template.voxel_m))  # fmt: skip
+    return _template(raw, local, chosen, template.low, template.voxel_m)
+
+
+def correlate(
+    template: Template,
+    box: FloatArray,
+    points: Float32Array,
+    features: Float32Array,
+    settings: CorrelationSettings,
+) -> Pose | None:
+    """Return where a template fits best around a predicted (7,) box; None without points there.
+
+    Coarse steps of a voxel over the ground, up and down, then turns, then steps of a third and of a ninth.
+    """
+    reach = settings.reach_m
+    half = box[[3, 5, 4]] / 2
+    inside, local = _near(box, points, half + reach)
+    if not len(inside):
+        return None
+    stride = -(-len(inside) // settings.most_points)
+    chosen = inside[::stride]
+    args = (
+        np.ascontiguousarray(local[::stride], dtype=np.float32),
+        np.ascontiguousarray(features[chosen]),
+        template.volume,
+        template.low.astype(np.float32),
+        np.float32(1 / template.voxel_m),
+    )
+    cost = settings.away_cost * len(chosen) / reach
+    best = np.zeros(4)
+    v, yaw = template.voxel_m, settings.yaw_rad
+    steps = np.arange(-int(reach / v), int(reach / v) + 1) * v
+    for offsets in (
+        _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
+        _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
+        _grid(*[np.arange(-2, 3) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
+        _grid(*[np.arange(-2, 3) * v / 9] * 3, np.zeros(1)),
+    ):
+        tried = best + offsets
+        scores = _correlations(*args, tried.astype(np.float32))
+        scores = scores - cost * np.abs(tried[:, :3]).sum(axis=1)
+        best = tried[int(np.argmax(scores))]
+    moved = _moved(box, best)
+    there, at = _near(moved, points, half)
+    if not len(there):
+        return None
+    score = _correlations(
+        at.astype(np.float32), features[there], *args[2:], np.zeros((1, 4), np.float32)
+    )
+    return Pose(moved, float(score[0]) / len(there), len(there))
+
+
+def _near(
+    box: FloatArray, points: Float32Array, half: FloatArray
+) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], FloatArray]:
+    """Return which points lie within half sizes of a box's centre, and where in its axes."""
+    reach = float(np.hypot(half[0], half[2]))
+    rough = np.flatnonzero(
+        (np.abs(points[:, 0] - box[0]) <= reach)
+        & (np.abs(points[:, 2] - box[2]) <= reach)
+        & (np.abs(points[:, 1] - box[1]) <= half[1])
+    )
+    local = to_box(points[rough].astype(np.float64), box)
+    inside = (np.abs(local) <= half).all(axis=1)
+    return rough[inside], local[inside]
+
+
+def _moved(box: FloatArray, offset: FloatArray) -> FloatArray:
+    """Return a box moved along its own axes by (along, down, across) and turned."""
+    c, s = np.cos(box[6]), np.sin(box[6])
+    result = box.copy()
+    result[0] += c * offset[0] + s * offset[2]
+    result[1] += offset[1]
+    result[2] += -s * offset[0] + c * offset[2]
+    result[6] += offset[3]
+    return result
+
+
+def _grid(*axes: FloatArray) -> FloatArray:
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
+
+
+def _template(
+    raw: Float32Array, local: FloatArray, features: Float32Array, low: FloatArray, voxel_m: float
+) -> Template:
+    """Blur by a voxel, and scale so that the points that it was made of score 1 in the mean.
+
+    The blur is symmetric and nothing is clipped: a template fits its own points best where they
+    are, not beside.
+    """
+    volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant")
+    args = (local.astype(np.float32), features, volume, low.astype(np.float32),
+            np.float32(1 / voxel_m))  # fmt: skip
+    own = float(_correlations(*args, np.zeros((1, 4), np.float32))[0]) / len(local)
+    volume = np.ascontiguousarray(volume / np.float32(max(own, 1e-9)))
+    return Template(raw, volume, low, voxel_m, len(local))
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _splat(
+    raw: Float32Array,
+    local: Float32Array,
+    features: Float32Array,
+    low: Float32Array,
+    inverse: float,
+) -> None:
+    """Add features to the eight voxels around each point, by their nearness."""
+    for i in range(len(local)):
+        a = (local[i, 0] - low[0]) * inverse - 0.5
+        b = (local[i, 1] - low[1]) * inverse - 0.5
+        d = (local[i, 2] - low[2]) * inverse - 0.5
+        u, v, w = int(np.floor(a)), int(np.floor(b)), int(np.floor(d))
+        if u < 0 or v < 0 or w < 0:
+            continue
+        if u + 1 >= raw.shape[0] or v + 1 >= raw.shape[1] or w + 1 >= raw.shape[2]:
+            continue
+        fu, fv, fw = a - u, b - v, d - w
+        for k in range(8):
+            i0, i1, i2 = k & 1, (k >> 1) & 1, k >> 2
+            weight = (fu if i0 else 1 - fu) * (fv if i1 else 1 - fv) * (fw if i2 else 1 - fw)
+            for c in range(raw.shape[3]):
+                raw[u + i0, v + i1, w + i2, c] += weight * features[i, c]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _correlations(
+    local: Float32Array,
+    features: Float32Array,
+    volume: Float32Array,
+    low: Float32Array,
+    inverse: float,
+    poses: Float32Array,
+) -> FloatArray:
+    """Return the correlation of each pose (along, down, across, turn): trilinear, zero outside."""
+    result = np.zeros(len(poses))
+    for h in range(len(poses)):
+        c, s = np.cos(poses[h, 3]), np.sin(poses[h, 3])
+        total = 0.0
+        for i in range(len(local)):
+            x, z = local[i, 0] - poses[h, 0], local[i, 2] - poses[h, 2]
+            a = (c * x - s * z - low[0]) * inverse - 0.5
+            b = (local[i, 1] - poses[h, 1] - low[1]) * inverse - 0.5
+            d = (s * x + c * z - low[2]) * inverse - 0.5
+            u, v, w = int(np.floor(a)), int(np.floor(b)), int(np.floor(d))
+            if u < 0 or v < 0 or w < 0:
+                continue
+            if u + 1 >= volume.shape[0] or v + 1 >= volume.shape[1] or w + 1 >= volume.shape[2]:
+                continue
+            fu, fv, fw = a - u, b - v, d - w
+            for k in range(8):
+                i0, i1, i2 = k & 1, (k >> 1) & 1, k >> 2
+                weight = (fu if i0 else 1 - fu) * (fv if i1 else 1 - fv) * (fw if i2 else 1 - fw)
+                for channel in range(features.shape[1]):
+                    total += weight * features[i, channel] * volume[u + i0, v + i1, w + i2, channel]
+        result[h] = total
+    return result

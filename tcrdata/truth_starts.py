@@ -1,0 +1,61 @@
+"""True first boxes: what tracking begins with when it is evaluated, and nothing else reads."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+
+import numpy as np
+
+from tcrdata.errors import FrameError
+from tcrdata.geometry.boxes import points_in_box
+from tcrdata.reports import run_report
+from tcrdata.store import Store
+from tcrdata.tracked_scenes import SceneSource
+from tcrdata.types import FloatArray
+
+_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+
+
+def first_boxes(
+    store: Store, source: SceneSource, dataset: str, sequence: str, least_points: int
+) -> dict[int, list[tuple[str, FloatArray]]]:
+    """Return frame to (object id, (7,) box in the world) of each object's first usable frame.
+
+    Args:
+        store: holds the truth.
+        source: of the sequence's frames.
+        dataset: its name.
+        sequence: the drive or clip.
+        least_points: a frame that shows fewer points in the box is not begun with; an object that
+            never shows as many, or is never in view, is left out.
+    """
+    tables = ("ground_truth", "labels", "tracklets", "truth_tracklets", "frames", "sequences")
+    connection = store.connect(tables=tables)
+    try:
+        parameters = {
+            "scored_dataset": dataset, "scored_sequence": sequence, "scored_kinds": ["truth"]
+        }  # fmt: skip
+        rows = run_report(connection, "tracking_objects", parameters).to_arrow_table().to_pylist()
+    finally:
+        connection.close()
+    by_frame: dict[int, list[dict[str, object]]] = defaultdict(list)
+    for row in rows:
+        if row["scored"]:
+            by_frame[row["frame"]].append(row)
+    begun: set[str] = set()
+    result: dict[int, list[tuple[str, FloatArray]]] = defaultdict(list)
+    for frame in sorted(by_frame):
+        fresh = [row for row in by_frame[frame] if row["series_id"] not in begun]
+        if not fresh or frame not in source.world.frames:
+            continue
+        try:
+            cloud = source.dataset.read_points(source.world.frames[frame])
+        except FrameError:
+            continue
+        for row in fresh:
+            box = np.array([row[name] for name in _BOX], dtype=np.float64)
+            if points_in_box(cloud.xyz, box).sum() >= least_points:
+                begun.add(str(row["series_id"]))
+                placed = source.world.box_to_world(frame, box)
+                result[frame].append((str(row["series_id"]), placed))
+    return dict(result)

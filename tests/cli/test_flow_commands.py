@@ -1,0 +1,150 @@
+"""`train flow`, `build --flow raft` and `evaluate flow` on a few generated frames."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+import torch
+from cli_runs import done, refused, run
+
+from tcrdata.learning.checkpoints import AVERAGE, read_weights
+from tcrdata.store import Store, open_store
+
+QUICK = ("--set", "workers=0", "--set", "batch=1", "--set", "network.iterations=1")
+SCRATCH = (
+    *QUICK,
+    "--set",
+    "steps=2",
+    "--set",
+    "planes.height_px=64",
+    "--set",
+    "planes.width_px=64",
+)
+STUDENT = (
+    *QUICK, "--set", "steps=3", "--set", "checkpoint_steps=1", "--set", "pairs.height_px=64",
+    "--set", "pairs.width_px=64", "--set", "pairs.margin_px=0", "--set",
+    "pairs.teacher_iterations=1",
+)  # fmt: skip
+BUILD = ("build", "--dataset", "demo", "--root", "frames=5", "--preset", "paper", "--workers", "1")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Five frames with DIS flow, and RAFT from scratch."""
+    url = tmp_path_factory.mktemp("flow") / "store"
+    done(*BUILD, "--store", url)
+    done("train", "flow", "--store", url, *SCRATCH)
+    return url
+
+
+@pytest.fixture(scope="module")
+def taught(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A copy in which that network was finetuned."""
+    url = tmp_path_factory.mktemp("taught") / "store"
+    shutil.copytree(built, url)
+    done("train", "flow", "--store", url, *STUDENT)
+    return url
+
+
+def flow_rows(store: Store) -> list[dict[str, object]]:
+    return [row for row in store.read("models").to_pylist() if row["kind"] == "flow"]
+
+
+def test_a_network_from_scratch_is_in_use(built: Path) -> None:
+    (row,) = flow_rows(open_store(str(built)))
+    assert (row["finished"], row["step"], row["parameters"]) == (True, 2, 990162)
+    again = done("train", "flow", "--from-scratch", "--store", built, *SCRATCH)
+    assert "nothing to do" in again.err
+
+
+def test_a_finetuned_network_is_checked_and_its_teacher_stays(taught: Path) -> None:
+    store = open_store(str(taught))
+    assert len(flow_rows(store)) == 2
+    checks = store.read("flow_checks").to_pylist()
+    assert [(row["role"], row["frame"]) for row in checks] == [("student", 3), ("teacher", 3)]
+    listed = {row["model_id"]: row for row in done("models", "--store", taught, "--json").json}
+    student = next(row for row in listed.values() if "teacher" in row["settings"])
+    assert student["settings"]["teacher"] in listed
+    assert student["samples"] == 2
+
+
+def test_a_training_that_was_stopped_gives_the_same_losses(
+    built: Path, taught: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    url = tmp_path / "store"
+    shutil.copytree(built, url)
+    import tcrdata.learning.flow_runs as runs
+
+    whole = runs.train_flow
+
+    def stopped(*arguments: object, **named: object) -> object:
+        def report(progress: object) -> None:
+            if progress.step == 2:
+                raise KeyboardInterrupt
+
+        return whole(*arguments, **{**named, "report": report})
+
+    monkeypatch.setattr(runs, "train_flow", stopped)
+    assert run("train", "flow", "--store", url, *STUDENT).code == 130
+    monkeypatch.undo()
+    done("train", "flow", "--store", url, "--resume", *STUDENT)
+    stores = [open_store(str(path)) for path in (taught, url)]
+    one, other = (next(row for row in flow_rows(store) if row["steps"] == 3) for store in stores)
+    assert one == other
+    first, second = (read_weights(store, one["model_id"], AVERAGE) for store in stores)
+    for name, value in first.items():
+        assert torch.equal(value, second[name]), name
+
+
+def test_a_build_measures_with_raft(taught: Path) -> None:
+    dis = done("evaluate", "flow", "--store", taught, "--json").json
+    done(*BUILD, "--store", taught, "--flow", "raft", "--set", "flow.iterations=2")
+    rows = open_store(str(taught)).read("flows", columns=["method", "frame", "direction"])
+    assert set(rows["method"].to_pylist()) == {"raft"}
+    assert rows.num_rows == 8
+    raft = done("evaluate", "flow", "--store", taught, "--json").json
+    assert {one["method"] for one in dis} == {"dis"}
+    assert [one["name"] for one in raft] == [one["name"] for one in dis]
+    assert sum(one["epe_px"] for one in dis) < sum(one["epe_px"] for one in raft)
+
+
+def test_the_same_frames_and_weights_of_a_file_give_the_same_scores(
+    built: Path, tmp_path: Path
+) -> None:
+    store = open_store(str(built))
+    (row,) = flow_rows(store)
+    torch.save(read_weights(store, row["model_id"], AVERAGE), tmp_path / "raft.pth")
+    frames = ("--dataset", "demo", "--root", "frames=2", "--iterations", 2, "--json")
+    own = done("evaluate", "flow", *frames, "--flow", "raft", "--model-store", built).json
+    file = done(
+        "evaluate", "flow", *frames, "--flow", "raft", "--weights", tmp_path / "raft.pth"
+    ).json
+    assert own == file
+    plan = done(
+        *BUILD, "--store", built, "--flow", "raft", "--weights", tmp_path / "raft.pth", "--dry-run"
+    )
+    assert "flow" in plan.out + plan.err
+    assert flow_rows(store) == [row]
+
+
+def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> None:
+    assert "no flow network" in refused(*BUILD, "--store", tmp_path / "new", "--flow", "raft")
+    assert "for --flow raft" in refused(*BUILD, "--store", built, "--model", "abc")
+    assert "no finished flow model 'abc'" in refused(
+        *BUILD, "--store", built, "--flow", "raft", "--model", "abc"
+    )
+    plain = ("build", "--dataset", "demo", "--store", built, "--flow", "dis")
+    assert "tcrdata reads no flow" in refused(*plain)
+    assert "one of them" in refused("evaluate", "flow", "--store", built, "--root", ".")
+    assert "no flow pair" in refused("evaluate", "flow", "--root", tmp_path)
+    assert "unknown loss 'photo'" in refused("train", "flow", "--store", built, "--losses", "photo")
+    assert "is RAFT small" in refused("train", "flow", "--store", built, "--size", "full")
+    assert "finetunes" in refused(
+        "train", "flow", "--store", tmp_path / "empty", "--losses", "teacher"
+    )
+    (tmp_path / "text.pth").write_text("none")
+    assert "no file of weights" in refused(
+        "train", "flow", "--store", built, "--weights", tmp_path / "text.pth"
+    )

@@ -1,0 +1,164 @@
+"""What a flow network learns from: which pairs, and what of them a student sees."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+import duckdb
+import numpy as np
+import pytest
+
+from tcrdata.errors import FrameError, SettingsError
+from tcrdata.learning.flow_samples import PairSettings, StoredPairs, TaughtSamples
+from tcrdata.resources import resource_folder
+
+
+@pytest.fixture
+def shell() -> Iterator[duckdb.DuckDBPyConnection]:
+    with duckdb.connect() as connection:
+        path = resource_folder("schemas") / "frames.sql"
+        connection.execute(path.read_text(encoding="utf-8"))
+        yield connection
+
+
+def add_drive(connection: duckdb.DuckDBPyConnection, name: str, images: str) -> None:
+    """A frame a letter: i with an image, . without, x unreadable."""
+    described = {
+        row[0]: row[1] for row in connection.execute("describe frames").fetchall() if row[2] == "NO"
+    }
+    for frame, letter in enumerate(images):
+        row = {column: "" if kind == "VARCHAR" else None for column, kind in described.items()}
+        row |= {"dataset": "kitti", "sequence": name, "frame": frame, "round": 1}
+        row |= {"has_image": letter == "i", "status": "error" if letter == "x" else "ok"}
+        row = {
+            column: ([0.0] if "[" in described.get(column, "") else 0) if value is None else value
+            for column, value in row.items()
+        }
+        places = ", ".join("?" for _ in row)
+        names = ", ".join(row)
+        connection.execute(f"insert into frames ({names}) values ({places})", list(row.values()))
+
+
+def parts(connection: duckdb.DuckDBPyConnection, held_out: float = 0.2) -> list[tuple[object, ...]]:
+    text = (resource_folder("queries") / "training" / "flow.sql").read_text(encoding="utf-8")
+    *setters, select = connection.extract_statements(text)
+    for setter in setters:
+        connection.execute(setter)
+    connection.execute("set variable held_out_share = ?", [held_out])
+    rows = connection.execute(select.query).fetchall()
+    return [(row[1], row[2], row[3], row[4]) for row in rows]
+
+
+def test_the_last_pairs_of_a_drive_are_held_out_and_share_no_frame_with_the_others(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_drive(shell, "a", "iiiiii")
+    assert parts(shell, 0.4) == [
+        ("a", 0, 1, "learnt"),
+        ("a", 1, 2, "learnt"),
+        ("a", 2, 3, None),
+        ("a", 3, 4, "held out"),
+        ("a", 4, 5, "held out"),
+        ("a", 5, None, None),
+    ]
+
+
+def test_pairs_need_two_images_of_frames_that_follow_one_another(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_drive(shell, "a", "ii.iixii")
+    add_drive(shell, "b", "ii")
+    assert parts(shell) == [
+        ("a", 0, 1, "learnt"),
+        ("a", 1, None, None),
+        ("a", 3, 4, "learnt"),
+        ("a", 4, 6, None),
+        ("a", 6, 7, "held out"),
+        ("a", 7, None, None),
+        ("b", 0, 1, "held out"),
+        ("b", 1, None, None),
+    ]
+
+
+class Teacher:
+    """Says that all moves by (5, 0), and remembers what it saw."""
+
+    method = "raft"
+
+    def __init__(self) -> None:
+        self.seen: tuple[np.ndarray, np.ndarray] | None = None
+
+    def both_ways(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        self.seen = first, second
+        flow = np.zeros((*first.shape[:2], 2), np.float32)
+        flow[..., 0] = 5
+        return flow, -flow
+
+
+def pair_of(height: int = 90, width: int = 140) -> dict[str, object]:
+    whole = np.random.default_rng(0).integers(0, 256, (height, width + 5, 3), dtype=np.uint8)
+    return {"key": "a", "first": whole[:, 5:], "second": whole[:, :-5]}
+
+
+OWN = PairSettings(height_px=64, width_px=72, margin_px=8, flip=False)
+
+
+def test_only_the_student_is_hidden_from() -> None:
+    teacher = Teacher()
+    sample = TaughtSamples(OWN, teacher, occluded=True)(pair_of(), np.random.default_rng(1))
+    assert teacher.seen is not None
+    assert teacher.seen[0].shape[0] > 64
+    covered = (sample["input"].reshape(2, 3, 64, 72) != sample["images"]).any(axis=1)
+    assert covered.any()
+    assert not covered.all()
+    assert (covered.reshape(2, -1).any(axis=1)).sum() == 1
+    number = int(covered[1].any())
+    # Hidden in its own image; in the other one where the flow ends in a box.
+    np.testing.assert_array_equal(sample["hidden"][number, 0] > 0, covered[number])
+    shift = 5 if number == 1 else -5
+    other = sample["hidden"][1 - number, 0] > 0
+    rows, columns = np.nonzero(other)
+    assert len(rows)
+    assert covered[number][rows, columns + shift].all()
+    np.testing.assert_array_equal(sample["taught"][0, 0], 5)
+    assert sample["trusted"][0, 0, :, :60].all()
+
+
+def test_without_occlusion_the_student_sees_what_the_teacher_sees() -> None:
+    sample = TaughtSamples(OWN, Teacher(), occluded=False)(pair_of(), np.random.default_rng(1))
+    np.testing.assert_array_equal(sample["input"].reshape(2, 3, 64, 72), sample["images"])
+    assert not sample["hidden"].any()
+
+
+def test_images_smaller_than_the_piece_are_continued_at_their_edges() -> None:
+    sample = TaughtSamples(OWN, Teacher(), occluded=False)(
+        pair_of(40, 50), np.random.default_rng(0)
+    )
+    assert sample["images"].shape == (2, 3, 64, 72)
+    np.testing.assert_array_equal(sample["images"][0, :, 40:, 0].std(axis=1), 0)
+
+
+def test_a_piece_too_small_is_refused() -> None:
+    with pytest.raises(SettingsError, match="64 px a side"):
+        PairSettings(height_px=32)
+
+
+def test_a_pair_of_two_sizes_is_refused_by_name() -> None:
+    class Frames:
+        rows: ClassVar = [
+            {"dataset": "kitti", "sequence": "a", "frame": n, "frame_to": n + 1, "part": part,
+             "image": np.zeros((4, 5 + n, 3), np.uint8)}
+            for n, part in enumerate(["learnt", None])
+        ]  # fmt: skip
+
+        def __getitem__(self, number: int) -> dict[str, object]:
+            return self.rows[number]
+
+        def column(self, name: str) -> list[object]:
+            return [row[name] for row in self.rows]
+
+    pairs = StoredPairs(Frames(), "learnt")  # type: ignore[arg-type]
+    assert len(pairs) == 1
+    with pytest.raises(FrameError, match="kitti/a frames 0, 1: images of two sizes"):
+        pairs[0]

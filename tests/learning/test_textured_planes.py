@@ -1,0 +1,37 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from tcrdata.errors import SettingsError
+from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
+
+STILL = PlaneSettings(height_px=64, width_px=96, brightness=0.0, noise=0.0)
+
+
+def test_the_second_image_shows_what_the_flow_says() -> None:
+    for seed in range(4):
+        pair = textured_planes(STILL, np.random.default_rng(seed))
+        rows, columns = np.indices(pair.known.shape, dtype=np.float32)
+        ends = np.dstack([columns, rows]) + pair.flow
+        warped = cv2.remap(pair.second, ends, None, cv2.INTER_LINEAR)
+        inside = (ends >= 0).all(axis=2) & (ends[..., 0] < 95) & (ends[..., 1] < 63)
+        moved = np.abs(pair.first - pair.second)[inside]
+        left = np.abs(pair.first - warped)[inside]
+        assert np.median(left) < 0.3 * np.median(moved)
+        assert np.percentile(np.linalg.norm(pair.flow, axis=2), 90) > 1
+
+
+def test_the_same_numbers_draw_the_same_pair() -> None:
+    one, other = (textured_planes(PlaneSettings(), np.random.default_rng(3)) for _ in range(2))
+    for first, second in zip(one, other, strict=True):
+        np.testing.assert_array_equal(first, second)
+    assert one.first.shape == (128, 192, 3)
+    assert one.first.min() >= 0
+    assert one.first.max() <= 1
+
+
+def test_an_image_too_small_to_learn_from_is_refused() -> None:
+    with pytest.raises(SettingsError, match="64 px"):
+        PlaneSettings(height_px=32)

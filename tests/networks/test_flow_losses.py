@@ -1,0 +1,143 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from tcrdata.errors import SettingsError
+from tcrdata.networks.flow_losses import (
+    FlowLossSettings,
+    charbonnier,
+    cycle_consistent,
+    imitation_loss,
+    known_flow_losses,
+    photometric_loss,
+    self_supervised_losses,
+    smoothness_loss,
+)
+
+OWN = FlowLossSettings()
+FLOOR = OWN.epsilon ** (2 * OWN.exponent)
+EVERY = torch.ones((1, 1, 12, 16))
+
+
+def constant(u: float, v: float) -> torch.Tensor:
+    return torch.tensor([float(u), float(v)]).view(1, 2, 1, 1).expand(1, 2, 12, 16).clone()
+
+
+@pytest.fixture(scope="module")
+def images() -> tuple[torch.Tensor, torch.Tensor]:
+    """The second is the first moved by (3, -2) px."""
+    whole = torch.rand((1, 3, 30, 30), generator=torch.Generator().manual_seed(0))
+    return whole[..., 8:20, 8:24], whole[..., 10:22, 5:21]
+
+
+def test_the_penalty_is_that_of_eq_2() -> None:
+    own = replace(OWN, exponent=0.5, epsilon=3.0)
+    assert charbonnier(torch.tensor(4.0), own).item() == pytest.approx(5.0)
+
+
+def test_the_right_flow_leaves_no_photometric_loss(
+    images: tuple[torch.Tensor, torch.Tensor],
+) -> None:
+    right = photometric_loss(constant(3, -2), images, EVERY, OWN)
+    assert right.item() == pytest.approx(FLOOR, rel=0.01)
+    assert photometric_loss(constant(0, 0), images, EVERY, OWN).item() > 50 * FLOOR
+
+
+def test_pixels_that_are_hidden_are_left_out(images: tuple[torch.Tensor, torch.Tensor]) -> None:
+    seen = EVERY.clone()
+    seen[..., 6:] = 0
+    spoilt = images[1].clone()
+    spoilt[..., 9:] = 0.5
+    loss = photometric_loss(constant(3, -2), (images[0], spoilt), seen, OWN)
+    assert loss.item() == pytest.approx(FLOOR, rel=0.01)
+
+
+def test_smoothness_asks_for_constant_flow_but_not_across_an_edge() -> None:
+    grey, step = torch.zeros((1, 3, 12, 16)), constant(0, 0)
+    step[..., 8:] += 5
+    edge = grey.clone()
+    edge[..., 8:] = 1
+    flat = smoothness_loss(constant(5, 5), grey, OWN).item()
+    assert flat == pytest.approx(4 * FLOOR, rel=0.01)
+    assert smoothness_loss(step, edge, OWN).item() == pytest.approx(flat, rel=0.2)
+    assert smoothness_loss(step, grey, OWN).item() > 20 * flat
+
+
+def test_the_cycle_test_is_that_of_the_stored_flow() -> None:
+    from tcrdata.evidence.flow_cycle import measure
+
+    rng = np.random.default_rng(0)
+    flows = rng.normal(0, 0.6, (2, 12, 16, 2)).astype(np.float32)
+    wanted = measure(flows[0], flows[1]).paper
+    there, back = torch.from_numpy(flows).permute(0, 3, 1, 2).unsqueeze(1)
+    found = cycle_consistent(there, back, OWN)[0, 0].numpy() > 0
+    assert 0.2 < wanted.mean() < 0.9
+    np.testing.assert_array_equal(found, wanted)
+
+
+def test_a_teacher_counts_where_it_is_trusted() -> None:
+    trusted = EVERY.clone()
+    trusted[..., :8] = 0
+    taught = constant(1, 1)
+    taught[..., :8] = 99
+    assert imitation_loss(constant(1, 1), taught, trusted, OWN).item() == pytest.approx(2 * FLOOR)
+
+
+def batch_of(images: tuple[torch.Tensor, torch.Tensor]) -> dict[str, torch.Tensor]:
+    taught = torch.stack([constant(3, -2)[0], constant(-3, 2)[0]])[None]
+    hidden = torch.zeros((1, 2, 1, 12, 16))
+    hidden[..., :4] = 1
+    return {
+        "images": torch.stack([images[0][0], images[1][0]])[None],
+        "taught": taught,
+        "trusted": torch.ones((1, 2, 1, 12, 16)),
+        "hidden": hidden,
+    }
+
+
+@pytest.mark.parametrize(
+    ("alone", "terms"),
+    [
+        ("photometric", {"photometric", "smoothness"}),
+        ("teacher", {"teacher"}),
+        ("occlusion", {"occlusion"}),
+    ],
+)
+def test_each_loss_can_be_run_alone(
+    images: tuple[torch.Tensor, torch.Tensor], alone: str, terms: set[str]
+) -> None:
+    off = {name: 0.0 for name in ("photometric", "teacher", "occlusion") if name != alone}
+    batch = batch_of(images)
+    right = torch.stack([batch["taught"][0]] * 2, dim=1)
+    wrong = right + 2
+    wrong.requires_grad_(True)
+    own = replace(OWN, **off)
+    low = self_supervised_losses({"flow": right}, batch, own)
+    high = self_supervised_losses({"flow": wrong}, batch, own)
+    assert set(low) == set(high) == terms
+    if alone != "photometric":
+        assert sum(high.values()).item() > 10 * sum(low.values()).item()
+    sum(high.values()).backward()
+    reached = wrong.grad.abs().sum(dim=(0, 1, 2, 3)) > 0
+    if alone == "teacher":
+        assert not reached[:4].any()
+        assert reached[4:].all()
+    elif alone == "occlusion":
+        assert reached[:4].all()
+        assert not reached[4:].any()
+
+
+def test_no_loss_at_all_is_refused() -> None:
+    with pytest.raises(SettingsError, match="no loss is left"):
+        FlowLossSettings(photometric=0, teacher=0, occlusion=0)
+
+
+def test_known_flow_counts_later_iterations_more() -> None:
+    flows = torch.stack([constant(2, 0), constant(1, 0)], dim=1)
+    batch = {"flow": constant(0, 0), "known": EVERY}
+    loss = known_flow_losses({"flow": flows}, batch, decay=0.5)
+    assert loss["known"].item() == pytest.approx(0.5 * 2 + 1)

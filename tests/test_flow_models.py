@@ -1,0 +1,109 @@
+"""Promotion: a finetuned flow network replaces its teacher only where stored numbers say so."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import duckdb
+import pytest
+
+from tcrdata.reports import run_report
+from tcrdata.resources import resource_folder
+
+
+@pytest.fixture
+def shell() -> Iterator[duckdb.DuckDBPyConnection]:
+    with duckdb.connect() as connection:
+        for table in ("models", "flow_checks"):
+            path = resource_folder("schemas") / f"{table}.sql"
+            connection.execute(path.read_text(encoding="utf-8"))
+        add_model(connection, "origin", None)
+        yield connection
+
+
+def insert(connection: duckdb.DuckDBPyConnection, table: str, row: dict[str, Any]) -> None:
+    names = ", ".join(row)
+    places = ", ".join("?" for _ in row)
+    connection.execute(f"insert into {table} ({names}) values ({places})", list(row.values()))
+
+
+def add_model(
+    connection: duckdb.DuckDBPyConnection, name: str, teacher: str | None, finished: bool = True
+) -> None:
+    settings = {"network": {"size": "small"}} | ({"teacher": teacher} if teacher else {})
+    insert(connection, "models", {
+        "model_id": name, "kind": "flow", "network": "raft", "labels_round": 1,
+        "selection_id": "", "snapshot": "", "query": "", "settings": json.dumps(settings),
+        "seed": 0, "samples": 1, "positives": 0, "parameters": 1, "step": 1, "steps": 1,
+        "finished": finished, "losses": [1.0], "terms": {},
+    })  # fmt: skip
+
+
+def add_check(
+    connection: duckdb.DuckDBPyConnection,
+    name: str,
+    teacher: str,
+    student: tuple[float, float],
+    taught: tuple[float, float],
+    pairs: int = 2,
+) -> None:
+    """Consistent share and photometric error of both, the same on each pair."""
+    for role, measured, numbers in (("student", name, student), ("teacher", teacher, taught)):
+        for frame in range(pairs):
+            insert(connection, "flow_checks", {
+                "model_id": name, "role": role, "measured_id": measured, "dataset": "kitti",
+                "sequence": "a", "frame": frame, "frame_to": frame + 1, "pixels": 100,
+                "consistent_share": numbers[0], "inside_share": 1.0,
+                "photometric_error": numbers[1], "magnitude_median_px": 1.0,
+            })  # fmt: skip
+
+
+def states(connection: duckdb.DuckDBPyConnection, **parameters: Any) -> dict[str, tuple[str, bool]]:
+    relation = run_report(connection, "flow_models", parameters)
+    rows = [dict(zip(relation.columns, row, strict=True)) for row in relation.fetchall()]
+    return {row["model_id"]: (row["state"], row["in_use"]) for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("student", "state"),
+    [
+        ((0.71, 0.05), "promoted"),
+        ((0.70, 0.04), "rejected"),
+        ((0.71, 0.0501), "rejected"),
+        ((0.60, 0.04), "rejected"),
+    ],
+)
+def test_a_student_must_be_more_consistent_and_no_worse_on_the_images(
+    shell: duckdb.DuckDBPyConnection, student: tuple[float, float], state: str
+) -> None:
+    add_model(shell, "student", "origin")
+    add_check(shell, "student", "origin", student, (0.70, 0.05))
+    assert states(shell) == {
+        "origin": ("origin", state == "rejected"),
+        "student": (state, state == "promoted"),
+    }
+
+
+def test_what_was_not_checked_on_enough_pairs_is_not_used(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_model(shell, "begun", "origin", finished=False)
+    add_model(shell, "student", "origin")
+    assert states(shell)["student"] == ("unchecked", False)
+    assert states(shell)["begun"] == ("unchecked", False)
+    add_check(shell, "student", "origin", (0.8, 0.04), (0.7, 0.05))
+    assert states(shell)["student"] == ("promoted", True)
+    assert states(shell, min_held_out_pairs=3)["student"] == ("rejected", False)
+    assert states(shell, min_consistent_gain=0.2)["student"] == ("rejected", False)
+    assert states(shell, max_photometric_ratio=0.5)["student"] == ("rejected", False)
+
+
+def test_a_student_of_a_student_replaces_it(shell: duckdb.DuckDBPyConnection) -> None:
+    add_model(shell, "second", "origin")
+    add_check(shell, "second", "origin", (0.8, 0.04), (0.7, 0.05))
+    add_model(shell, "third", "second")
+    add_check(shell, "third", "second", (0.9, 0.03), (0.8, 0.04))
+    used = {name for name, (_, in_use) in states(shell).items() if in_use}
+    assert used == {"third"}
