@@ -120,7 +120,7 @@ def _columns(cue: CueInput, frame: Frame, fit: str, entries: list[TrackedRegion]
             "point_indices": [e.region.points.tolist() for e in entries],
             "bottom_above_ground_m": [e.region.heights_m[0] for e in entries],
             "top_above_ground_m": [e.region.heights_m[1] for e in entries],
-            "occluded_share": [e.region.hidden_share for e in entries],
+            "occluded_share": [e.region.image_hidden_share for e in entries],
             "yaw_observable": [fit != "round"] * len(entries),
             "fill_share": [e.region.fill_share for e in entries],
             "age_frames": [e.age_frames for e in entries],
@@ -142,7 +142,7 @@ def _seen_in_image(entries: list[TrackedRegion], boxes: FloatArray, frame: Frame
     for number, entry in enumerate(entries):
         for side, name in enumerate(names):
             value = projected[name][number]
-            if entry.clear and entry.region.box_px is not None:
+            if entry.whole_in_image and entry.region.box_px is not None:
                 edge = entry.region.box_px[side] + (-0.5 if side < 2 else 0.5)
                 value = float(np.clip(edge, 0.0, size[side % 2]))
             columns[name].append(value)

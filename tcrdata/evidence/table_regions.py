@@ -58,10 +58,11 @@ class Region:
         front_m: nearest point along the line of sight.
         sides_m: leftmost and rightmost point across it.
         hidden_sides: share of the left, right and lower outline with something nearer beside it.
-        hidden_share: the same of all three.
+        hidden_share: the same of all three; 0 where several cameras saw it.
+        image_hidden_share: of the outline in this camera's image alone; 1 where none of it shows.
         heights_m: lowest and highest point above the plane.
         plane_y_m: the plane's y at the centre.
-        box_px: left, top, right, bottom of the pixels; None where several cameras saw it.
+        box_px: left, top, right, bottom of this camera's pixels; None without any.
     """
 
     frame: int
@@ -74,6 +75,7 @@ class Region:
     sides_m: tuple[float, float]
     hidden_sides: tuple[float, float, float]
     hidden_share: float
+    image_hidden_share: float
     heights_m: tuple[float, float]
     plane_y_m: float
     box_px: tuple[float, float, float, float] | None
@@ -122,19 +124,8 @@ def cut_regions(
         own = points.reshape(-1, 3)[pixels]
         shape = _shape(frame, own, heights.ravel()[pixels], settings.trim_share)
         hidden, share = _hidden(pixels, distance, settings.front_m)
-        rows, columns = np.divmod(pixels, mask.shape[1])
-        index = numbers.ravel()[pixels]
-        edges = (columns.min(), rows.min(), columns.max(), rows.max())
-        left, top, right, bottom = map(float, edges)
-        regions.append(
-            replace(
-                shape,
-                points=index[index >= 0],
-                hidden_sides=hidden,
-                hidden_share=share,
-                box_px=(left, top, right, bottom),
-            )
-        )
+        seen = _in_image(shape, pixels, numbers, share)
+        regions.append(replace(seen, hidden_sides=hidden, hidden_share=share))
     return regions
 
 
@@ -162,7 +153,7 @@ def fused_regions(
 
     own = points.reshape(-1, 3)
     known = np.flatnonzero(np.isfinite(own[:, 0]))
-    index = np.concatenate([numbers.ravel()[known], *(np.full(len(o), -1) for o in others)])
+    pixels = np.concatenate([known, *(np.full(len(other), -1) for other in others)])
     cloud = np.concatenate([own[known], *others])
     heights = _heights(cloud, plane)
     above = np.flatnonzero(heights > settings.above_m)
@@ -173,12 +164,32 @@ def fused_regions(
     filled = np.zeros(cells.max(axis=0) + 1, dtype=bool)
     filled[tuple(cells.T)] = True
     numbered, _ = label(filled, structure=np.ones((3, 3, 3)))
-    groups = _groups(above, numbered[tuple(cells.T)] - 1, settings.least_pixels)
-    regions = [_shape(frame, cloud[g], heights[g], settings.trim_share) for g in groups]
-    seen = [index[group] for group in groups]
-    return [
-        replace(r, points=n[n >= 0].astype(np.int32)) for r, n in zip(regions, seen, strict=True)
-    ]
+    distance = np.nan_to_num(np.linalg.norm(points, axis=-1), nan=np.inf)
+    regions = []
+    for group in _groups(above, numbered[tuple(cells.T)] - 1, settings.least_pixels):
+        shape = _shape(frame, cloud[group], heights[group], settings.trim_share)
+        mine = pixels[group][pixels[group] >= 0]
+        if len(mine):
+            _, share = _hidden(mine, distance, settings.front_m)
+            shape = _in_image(shape, mine, numbers, share)
+        regions.append(shape)
+    return regions
+
+
+def _in_image(
+    region: Region, pixels: IntArray, numbers: NDArray[np.int32], hidden_share: float
+) -> Region:
+    """Return a region with what one camera's (N,) pixels of it show."""
+    rows, columns = np.divmod(pixels, numbers.shape[1])
+    index = numbers.ravel()[pixels]
+    edges = (columns.min(), rows.min(), columns.max(), rows.max())
+    left, top, right, bottom = map(float, edges)
+    return replace(
+        region,
+        points=index[index >= 0],
+        image_hidden_share=hidden_share,
+        box_px=(left, top, right, bottom),
+    )
 
 
 def _heights(points: FloatArray, plane: FloatArray) -> FloatArray:
@@ -244,6 +255,7 @@ def _shape(frame: int, points: FloatArray, heights: FloatArray, trim_share: floa
         sides_m=(float(beside.min()), float(beside.max())),
         hidden_sides=(0.0, 0.0, 0.0),
         hidden_share=0.0,
+        image_hidden_share=1.0,
         heights_m=(float(low), float(high)),
         plane_y_m=float((points[:, 1] + heights).mean()),
         box_px=None,

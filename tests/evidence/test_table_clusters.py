@@ -57,6 +57,7 @@ def region(frame: int, left: float, right: float, hidden: float = 0.0, **values:
         sides_m=(left, right),
         hidden_sides=(0.0, 4 * hidden, 0.0),
         hidden_share=hidden,
+        image_hidden_share=hidden,
         heights_m=(0.05, 1.0),
         plane_y_m=5.0,
         box_px=(100.0, 100.0, 130.0, 130.0),
