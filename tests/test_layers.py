@@ -32,6 +32,7 @@ LAYERS = (
         "trainings",
         "tracked_rows",
         "tracked_scenes",
+        "track_plans",
         "track_runs",
         "tracklet_boxes",
         "track_pictures",
