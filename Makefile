@@ -14,6 +14,8 @@ setup: $(STAMP) $(WARM)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	# trackeval asks for opencv-python, which needs libGL and overwrites the headless one: without it.
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps trackeval tabulate
 	@touch $(STAMP)
 
 $(WARM): $(STAMP)

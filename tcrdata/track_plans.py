@@ -26,6 +26,8 @@ class Settings:
         short: when its matches count.
         gates: of targets and of what is out of sight.
         library: how paths are cut into entries.
+        features: what templates are correlated in: `auto` for the newest detector's of these labels
+            or earlier ones where there is one, `voxels` for occupancy with colour or reflectance.
         least_truth_points: a true first box with fewer points in it is not begun with.
     """
 
@@ -33,6 +35,7 @@ class Settings:
     short: ShortRangeSettings = field(default_factory=ShortRangeSettings)
     gates: TrackerSettings = field(default_factory=TrackerSettings)
     library: LibrarySettings = field(default_factory=LibrarySettings)
+    features: Literal["auto", "voxels"] = "auto"
     least_truth_points: int = 10
 
 
@@ -46,6 +49,7 @@ class TrackPlan:
         start: what tracklets begin with; `truth` is for evaluation alone.
         library: whether the long range uses the library.
         settings: of the trackers.
+        model: id of the detector whose features are correlated; empty for none.
         entries: parameters of the rule that lets paths into the library.
         sequences: (dataset, sequence), in order.
     """
@@ -55,6 +59,7 @@ class TrackPlan:
     start: Start
     library: bool
     settings: Settings
+    model: str
     entries: Mapping[str, Any]
     sequences: tuple[tuple[str, str], ...]
 
@@ -90,8 +95,21 @@ def plan_tracking(
     sequences = _sequences(store, selection_id, start)
     return TrackPlan(
         selection_id, rows[0]["round"], start, library, chosen,
+        detector_of(store, rows[0]["round"]) if chosen.features == "auto" else "",
         {name.partition(".")[2]: float(text) for name, text in rule.items()}, sequences,
     )  # fmt: skip
+
+
+def detector_of(store: Store, round: int) -> str:
+    """Return the id of the newest finished detector of no later round's labels; empty: none."""
+    names = ["model_id", "kind", "labels_round", "finished"]
+    rows = store.read("models", columns=names).to_pylist()
+    own = [
+        (row["labels_round"], row["model_id"])
+        for row in rows
+        if row["kind"] == "detector" and row["finished"] and row["labels_round"] <= round
+    ]
+    return str(max(own)[1]) if own else ""
 
 
 def _overridden(own: Any, values: Mapping[str, str], where: str) -> Any:
@@ -100,8 +118,8 @@ def _overridden(own: Any, values: Mapping[str, str], where: str) -> Any:
     groups: dict[str, dict[str, str]] = defaultdict(dict)
     for name, text in values.items():
         if "." in name:
-            group, _, rest = name.partition(".")
-            groups[group][rest] = text
+            group, _, inner = name.partition(".")
+            groups[group][inner] = text
     for group, rest in groups.items():
         if not is_dataclass(getattr(own, group, None)):
             known = [f.name for f in fields(own) if is_dataclass(getattr(own, f.name))]

@@ -6,6 +6,7 @@ With the library, every sequence is then tracked once more, and the long range l
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -13,6 +14,8 @@ from typing import Any
 
 from tcrdata import __version__, registry, settings
 from tcrdata.errors import DatasetError, EvidenceError, MissingEvidenceError
+from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
+from tcrdata.evidence.objectness3d import Model
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import ROUND
@@ -92,13 +95,26 @@ def _track_sequence(
     if store.is_done(unit, hash_, inputs):
         return UnitOutcome(unit, "done")
     try:
-        source = scene_source(store, _dataset(store, dataset, sequence), dataset, sequence, labels)
+        source = scene_source(
+            store, _dataset(store, dataset, sequence), dataset, sequence, labels,
+            _model(store, plan),
+        )  # fmt: skip
         with store.writer(unit, settings_hash=hash_, inputs=inputs) as writer:
             for table, columns in _rows(store, plan, source, unit, entries):
                 writer.append(table, columns)
     except (DatasetError, EvidenceError, MissingEvidenceError) as error:
         return UnitOutcome(unit, "failed", str(error))
     return UnitOutcome(unit, "made")
+
+
+def _model(store: Store, plan: TrackPlan) -> Model | None:
+    """Return the detector whose features are correlated; None without one."""
+    if not plan.model:
+        return None
+    wanted = ModelChoice("detector", plan.model, "", plan.round)
+    row = chosen_model(store, wanted)
+    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
+    return Model(plan.model, row["network"], plain, model_weights(store, wanted, plan.model))
 
 
 def _dataset(store: Store, dataset: str, sequence: str) -> Any:
@@ -121,7 +137,7 @@ def _inputs(
     store: Store, plan: TrackPlan, unit: Unit, labels: list[dict[str, Any]], entries: list[Any]
 ) -> dict[str, str]:
     """Return digests of what a unit's rows follow from: content, not names of selections."""
-    inputs = {"labels": settings.digest(labels)}
+    inputs = {"labels": settings.digest(labels), "detector": plan.model}
     stages = ["frames", "ground", "odometry"]
     stages += ["ground_truth"] if plan.start == "truth" else []
     for stage in stages:

@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 
 from tcrdata.errors import FrameError, MissingEvidenceError
+from tcrdata.evidence.detector_features import detector_features
 from tcrdata.evidence.ground import Settings as PlaneSettings
 from tcrdata.evidence.ground import ground_plane
+from tcrdata.evidence.objectness3d import EVIDENCE, Model
 from tcrdata.evidence.point_rows import decode_matching, read_encoded
 from tcrdata.evidence.poses import Poses, read_poses
 from tcrdata.evidence.range_images import (
@@ -84,6 +86,7 @@ class SceneSource:
         heat: proposal to s * o, where a network has spoken.
         plane: (a, b, c) of the table's plane y = a x + b z + c, for sequences whose ground was not
             measured; None where it was, or for a LiDAR.
+        model: detector whose features are correlated; None for colour or reflectance.
     """
 
     dataset: Dataset
@@ -94,6 +97,7 @@ class SceneSource:
     labels: Mapping[int, list[dict[str, Any]]]
     heat: Mapping[str, float]
     plane: FloatArray | None = None
+    model: Model | None = None
 
     def scenes(self) -> Iterator[tuple[Scene, list[str | None]]]:
         """Yield every frame that can be read, with the proposals of its candidates."""
@@ -131,7 +135,14 @@ class SceneSource:
         return np.asarray(above <= _ABOVE_M * self.metric_scale)
 
     def _features(self, frame: Frame, cloud: PointCloud, kept: np.ndarray) -> Float32Array:
-        """Occupancy with the colour of the pixel, or with a LiDAR's reflectance."""
+        """What the detector makes of the points; without one, colour or a LiDAR's reflectance."""
+        if self.model is not None:
+            rows = ((e, read_encoded(self.tables, frame.frame, e, round=ROUND)) for e in EVIDENCE)
+            known = {name: row for name, row in rows if row is not None}
+            found = detector_features(self.model, frame, cloud, known, self.metric_scale)
+            if found is not None:
+                ones = np.ones((len(cloud), 1), np.float32)
+                return unit(np.column_stack([ones, unit(found)]))[kept]
         if self.sensor == "depth" and frame.has_image and cloud.pixels is not None:
             try:
                 image = self.dataset.read_image(frame)
@@ -175,7 +186,12 @@ def unit(features: np.ndarray) -> Float32Array:
 
 
 def scene_source(
-    store: Store, dataset: Dataset, name: str, sequence: str, labels: list[dict[str, Any]]
+    store: Store,
+    dataset: Dataset,
+    name: str,
+    sequence: str,
+    labels: list[dict[str, Any]],
+    model: Model | None = None,
 ) -> SceneSource:
     """Return what one sequence's scenes are read from.
 
@@ -198,7 +214,7 @@ def scene_source(
         by_frame[row["frame"]].append(row)
     return SceneSource(
         dataset, info["sensor"], info["metric_scale"], tables, world, by_frame,
-        _heat(store, name, sequence, labels), _plane(store, dataset, world, info),
+        _heat(store, name, sequence, labels), _plane(store, dataset, world, info), model,
     )  # fmt: skip
 
 

@@ -66,13 +66,13 @@ def _print(result: TrackingEvaluation) -> None:
     back = [(_named(r.kind), r.how, r.recovered, r.returns) for r in result.recoveries]
     if back:
         console.print_table("came back", ("tracklets", "hidden", "recovered", "of"), back)
-    columns = ("boxes", "HOTA", "DetA", "AssA", "MOTA", "MOTP", "IDF1", "switches")
+    names = ("boxes", "HOTA", "DetA", "AssA", "MOTA", "MOTP", "IDF1", "switches")
     rows = [
         (_named(i.kind), i.hota, i.detection, i.association, i.mota, i.motp, i.idf1, i.switches)
         for i in result.identity
     ]
     if rows:
-        console.print_table("identity", columns, rows)
+        console.print_table("identity", names, rows)
     if result.without_identity is not None:
         console.say(result.without_identity)
 

@@ -163,13 +163,13 @@ def _ends(
             for t in best
         )
     for tracklet in series:
-        first = _owner(sequence, tracklet, 0, own)
-        truth = _truth_of(sequence, first)
-        if truth is not None:
+        owner = _owner(sequence, tracklet, 0, own)
+        begun_on = _truth_of(sequence, owner)
+        if begun_on is not None:
             # An object may be labelled in fewer frames than it is there.
-            last = int(np.searchsorted(tracklet.frames, truth.frames[-1], side="right")) - 1
+            end = int(np.searchsorted(tracklet.frames, begun_on.frames[-1], side="right")) - 1
             begun += 1
-            kept += first == _owner(sequence, tracklet, last, own)
+            kept += owner == _owner(sequence, tracklet, end, own)
     return objects, held, throughout, begun, kept
 
 

@@ -209,7 +209,7 @@ def ridden(target: Target, scene: Scene, candidate: int) -> FloatArray:
     """Return the (7,) box of a target that rides with a candidate."""
     found = scene.candidates.boxes[candidate]
     if not target.rigid:
-        box = found.copy()
+        box: FloatArray = found.copy()
         box[6] = target.box[6] + yaw_step(target.box[6], found[6])
         return box
     box = target.box.copy()

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import MaxNLocator
 
 from tcrdata.types import BoolArray, FloatArray, ImageArray, IntArray
 from tcrdata.views.canvas import drawing, rendered
@@ -20,7 +21,7 @@ _FOUND = {
     "container": TRACKS[3],
     "interpolated": TRACKS[5],
 }
-_HIDDEN = "#3a2c3f"
+_HIDDEN = "#8a4f7d"
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ def overlap_picture(lines: Sequence[Line]) -> ImageArray:
             )  # fmt: skip
         axes.set_ylim(0, 1.02)
         axes.set_xlim(0, max((len(line.iou) for line in lines), default=2) - 1)
+        axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         axes.set_xlabel("frames since the true first box")
         axes.set_ylabel("mean overlap from above")
         axes.grid(color=GRID, linewidth=0.4)
@@ -79,7 +81,7 @@ def overlap_picture(lines: Sequence[Line]) -> ImageArray:
 
 
 def timeline_picture(title: str, lanes: Sequence[Lane]) -> ImageArray:
-    """Draw a lane an object: grey where it is in sight, dark where hidden, coloured as found.
+    """Draw a lane an object: grey where it is in sight, purple where hidden, coloured as found.
 
     The height of the coloured line in a lane is the overlap with the object.
     """
@@ -104,13 +106,13 @@ def timeline_picture(title: str, lanes: Sequence[Lane]) -> ImageArray:
 
 
 def _draw_lane(axes: Axes, row: int, lane: Lane) -> None:
-    for hidden, color in ((False, GRID), (True, _HIDDEN)):
-        for frame in lane.frames[lane.hidden == hidden]:
-            axes.broken_barh([(frame - 0.5, 1.0)], (row - 0.42, 0.84), color=color, linewidth=0)
+    for hidden, color, reach in ((False, GRID, 0.42), (True, _HIDDEN, 0.48)):
+        spans = [(frame - 0.5, 1.0) for frame in lane.frames[lane.hidden == hidden]]
+        axes.broken_barh(spans, (row - reach, 2 * reach), color=color, linewidth=0)
     for name in dict.fromkeys(lane.found):
         own = np.array([found == name for found in lane.found])
         axes.bar(
-            lane.tracked[own], 0.78 * np.maximum(lane.iou[own], 0.04), bottom=row - 0.39,
+            lane.tracked[own], 0.74 * np.maximum(lane.iou[own], 0.04), bottom=row - 0.37,
             width=0.72, color=_FOUND.get(name, MUTED), linewidth=0,
         )  # fmt: skip
 
