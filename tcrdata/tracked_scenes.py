@@ -144,7 +144,7 @@ class SceneSource:
             if found is not None:
                 ones = np.ones((len(cloud), 1), np.float32)
                 both: Float32Array = unit(np.column_stack([ones, unit(found)]))
-                return both[kept]
+                return np.asarray(both[kept])
         if self.sensor == "depth" and frame.has_image and cloud.pixels is not None:
             try:
                 image = self.dataset.read_image(frame)

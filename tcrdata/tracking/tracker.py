@@ -246,8 +246,8 @@ class Tracker:
             self._targets.append(hidden.target)
 
     def _ended(self, hidden: Hidden) -> Finished:
-        """End a hidden target; its likeliest path stays where nobody could see it."""
-        if self._library is not None and hidden.frames:
+        """End a hidden target; of what nobody saw again only what rides inside another stays."""
+        if hidden.container is not None and hidden.frames:
             path = hidden.best
             if hidden.hypotheses.passable[path] >= self._own.least_passable:
                 hidden.fill(path, hidden.frames)
