@@ -9,27 +9,20 @@ fill.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
-from tcrdata.evidence.depth_frames import (
-    AveragingSettings,
-    averaged,
-    depth_image,
-    depth_noise,
-    level_points,
-)
+from tcrdata.evidence.depth_frames import AveragingSettings
 from tcrdata.evidence.ground import Settings as PlaneSettings
 from tcrdata.evidence.point_rows import error_rows
 from tcrdata.evidence.proposal_columns import Columns, box_columns, key_columns, merged
-from tcrdata.evidence.table_regions import Region, RegionSettings, cut_regions
+from tcrdata.evidence.table_frames import Chunk, measure_chunk
+from tcrdata.evidence.table_regions import Region, RegionSettings
 from tcrdata.evidence.table_tracks import TrackedRegion, TrackSettings, follow
-from tcrdata.types import CueInput, Dataset, Float32Array, FloatArray, Frame, PointCloud, Rows
+from tcrdata.types import CueInput, FloatArray, Frame, Rows
 
 NEEDS: tuple[str, ...] = ()
 GIVES: tuple[str, ...] = ("proposals", "confidences")
@@ -49,34 +42,15 @@ class Settings:
         averaging: of the depth.
         regions: how they are cut out.
         tracks: how they are followed and completed.
+        fuse_cameras: lay together what several cameras see of one scene.
         chunk_frames: frames an item of work.
     """
 
     averaging: AveragingSettings = field(default_factory=AveragingSettings)
     regions: RegionSettings = field(default_factory=RegionSettings)
     tracks: TrackSettings = field(default_factory=TrackSettings)
+    fuse_cameras: bool = True
     chunk_frames: int = 25
-
-
-@dataclass(frozen=True)
-class _Chunk:
-    """Frames `first` to `last - 1` of a window that holds their neighbours too."""
-
-    dataset: Dataset
-    window: tuple[Frame, ...]
-    first: int
-    last: int
-    averaging: AveragingSettings
-    regions: RegionSettings
-    plane: PlaneSettings
-
-
-@dataclass(frozen=True, eq=False)
-class _Shot:
-    """One frame of the window: its depth, and the index of each pixel's point."""
-
-    depth: Float32Array
-    numbers: NDArray[np.int32]
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
@@ -87,7 +61,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
     if cue.info.sensor != "depth":
         return
     regions: list[Region] = []
-    for found, errors in cue.parallel(_measure_chunk, _chunks(cue)):
+    for found, errors in cue.parallel(measure_chunk, _chunks(cue)):
         regions += found
         yield from error_rows(errors)
     numbers = [frame.frame for frame in cue.frames]
@@ -102,7 +76,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
             yield Rows("confidences", _confidences(rows))
 
 
-def _chunks(cue: CueInput) -> Iterator[_Chunk]:
+def _chunks(cue: CueInput) -> Iterator[Chunk]:
     settings: Settings = cue.settings
     scale, half = cue.info.metric_scale, settings.averaging.half_window_frames
     regions = replace(
@@ -110,6 +84,7 @@ def _chunks(cue: CueInput) -> Iterator[_Chunk]:
         above_m=settings.regions.above_m * scale,
         gap_m=settings.regions.gap_m * scale,
         front_m=settings.regions.front_m * scale,
+        voxel_m=settings.regions.voxel_m * scale,
     )
     plane = PlaneSettings()
     plane = replace(plane, plane_margin_m=plane.plane_margin_m * scale)
@@ -118,52 +93,17 @@ def _chunks(cue: CueInput) -> Iterator[_Chunk]:
         before = max(start - half, 0)
         window = cue.frames[before : start + len(frames) + half]
         first = start - before
-        yield _Chunk(
-            cue.dataset, window, first, first + len(frames), settings.averaging, regions, plane
+        yield Chunk(
+            dataset=cue.dataset,
+            window=window,
+            first=first,
+            last=first + len(frames),
+            averaging=settings.averaging,
+            regions=regions,
+            plane=plane,
+            fuse_cameras=settings.fuse_cameras,
         )
         start += len(frames)
-
-
-def _measure_chunk(chunk: _Chunk) -> tuple[list[Region], list[tuple[int, str]]]:
-    shots = [_shot(chunk.dataset, frame) for frame in chunk.window]
-    errors = [
-        (chunk.window[i].frame, shot)
-        for i, shot in enumerate(shots)
-        if isinstance(shot, str) and chunk.first <= i < chunk.last
-    ]
-    images = [shot.depth for shot in shots if isinstance(shot, _Shot)]
-    noise_m = depth_noise(images)
-    regions: list[Region] = []
-    for index in range(chunk.first, chunk.last):
-        shot, frame = shots[index], chunk.window[index]
-        if isinstance(shot, str):
-            continue
-        near = _neighbours(shots, index, chunk.averaging.half_window_frames)
-        depth = averaged(
-            np.array([s.depth for s in near]), near.index(shot), noise_m, chunk.averaging
-        )
-        points = level_points(depth, frame)
-        regions += cut_regions(frame.frame, depth, points, shot.numbers, chunk.plane, chunk.regions)
-    return regions, errors
-
-
-def _neighbours(shots: Sequence[_Shot | str], index: int, half: int) -> list[_Shot]:
-    around = shots[max(index - half, 0) : index + half + 1]
-    return [shot for shot in around if isinstance(shot, _Shot)]
-
-
-def _shot(dataset: Dataset, frame: Frame) -> _Shot | str:
-    """Return a frame's depth image, or why it cannot be read."""
-    try:
-        cloud: PointCloud = dataset.read_points(frame)
-    except FrameError as error:
-        return str(error)
-    if frame.camera is None or cloud.pixels is None:
-        return f"frame {frame.frame} has no depth image"
-    depth = depth_image(cloud, frame)
-    numbers = np.full(depth.shape, -1, dtype=np.int32)
-    numbers[cloud.pixels[:, 1], cloud.pixels[:, 0]] = np.arange(len(cloud), dtype=np.int32)
-    return _Shot(depth, numbers)
 
 
 def _columns(cue: CueInput, frame: Frame, fit: str, entries: list[TrackedRegion]) -> Columns:
@@ -180,7 +120,7 @@ def _columns(cue: CueInput, frame: Frame, fit: str, entries: list[TrackedRegion]
             "point_indices": [e.region.points.tolist() for e in entries],
             "bottom_above_ground_m": [e.region.heights_m[0] for e in entries],
             "top_above_ground_m": [e.region.heights_m[1] for e in entries],
-            "occluded_share": [e.region.hidden_share for e in entries],
+            "occluded_share": [e.region.image_hidden_share for e in entries],
             "yaw_observable": [fit != "round"] * len(entries),
             "fill_share": [e.region.fill_share for e in entries],
             "age_frames": [e.age_frames for e in entries],
@@ -202,7 +142,7 @@ def _seen_in_image(entries: list[TrackedRegion], boxes: FloatArray, frame: Frame
     for number, entry in enumerate(entries):
         for side, name in enumerate(names):
             value = projected[name][number]
-            if entry.clear:
+            if entry.whole_in_image and entry.region.box_px is not None:
                 edge = entry.region.box_px[side] + (-0.5 if side < 2 else 0.5)
                 value = float(np.clip(edge, 0.0, size[side % 2]))
             columns[name].append(value)

@@ -7,7 +7,7 @@ sight to it, for what is round: there a camera sees the whole width, and the fro
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,7 @@ class RegionSettings:
         least_pixels: smaller regions are no rows; every rule asks for more.
         front_m: a neighbouring pixel that is this much nearer hides what is beside it.
         trim_share: share of the points left out at each end of a height.
+        voxel_m: several cameras: points in neighbouring cubes of this side are of one region.
     """
 
     above_m: float = 0.15
@@ -40,6 +41,7 @@ class RegionSettings:
     least_pixels: int = 7
     front_m: float = 0.4
     trim_share: float = 0.02
+    voxel_m: float = 0.17
 
 
 @dataclass(frozen=True)
@@ -56,10 +58,11 @@ class Region:
         front_m: nearest point along the line of sight.
         sides_m: leftmost and rightmost point across it.
         hidden_sides: share of the left, right and lower outline with something nearer beside it.
-        hidden_share: the same of all three.
+        hidden_share: the same of all three; 0 where several cameras saw it.
+        image_hidden_share: of the outline in this camera's image alone; 1 where none of it shows.
         heights_m: lowest and highest point above the plane.
         plane_y_m: the plane's y at the centre.
-        box_px: left, top, right, bottom of the pixels.
+        box_px: left, top, right, bottom of this camera's pixels; None without any.
     """
 
     frame: int
@@ -72,9 +75,10 @@ class Region:
     sides_m: tuple[float, float]
     hidden_sides: tuple[float, float, float]
     hidden_share: float
+    image_hidden_share: float
     heights_m: tuple[float, float]
     plane_y_m: float
-    box_px: tuple[float, float, float, float]
+    box_px: tuple[float, float, float, float] | None
 
     @property
     def width_m(self) -> float:
@@ -82,34 +86,116 @@ class Region:
         return self.sides_m[1] - self.sides_m[0]
 
 
+def table_plane(points: FloatArray, settings: PlaneSettings) -> FloatArray | None:
+    """Return (a, b, c) of the plane y = a x + b z + c below the objects; None with too few points.
+
+    Args:
+        points: (H, W, 3) level frame, NaN for gaps.
+        settings: metres scaled.
+    """
+    known = points[np.isfinite(points[..., 0])]
+    if len(known) < settings.minimum_points:
+        return None
+    return ground_plane(known.astype(np.float32), settings)
+
+
 def cut_regions(
     frame: int,
-    depth: NDArray[np.floating],
     points: FloatArray,
     numbers: NDArray[np.int32],
-    plane: PlaneSettings,
+    plane: FloatArray,
     settings: RegionSettings,
 ) -> list[Region]:
-    """Return the regions of a frame, the largest first.
+    """Return the regions of one camera's frame, the largest first.
 
     Args:
         frame: its number.
-        depth: (H, W) metres, 0 for gaps.
-        points: (H, W, 3) level frame, whose origin is the camera's.
+        points: (H, W, 3) level frame, whose origin is the camera's; NaN for gaps.
         numbers: (H, W) index of each pixel's point in the frame's points; -1 for gaps.
-        plane: how the table is found, metres scaled.
+        plane: of the table.
         settings: metres scaled.
     """
-    known = depth > 0
-    if np.count_nonzero(known) < plane.minimum_points:
+    heights = _heights(points, plane)
+    with np.errstate(invalid="ignore"):
+        mask = heights > settings.above_m
+    distance = np.nan_to_num(np.linalg.norm(points, axis=-1), nan=np.inf)
+    regions = []
+    for pixels in _components(points, mask, settings):
+        own = points.reshape(-1, 3)[pixels]
+        shape = _shape(frame, own, heights.ravel()[pixels], settings.trim_share)
+        hidden, share = _hidden(pixels, distance, settings.front_m)
+        seen = _in_image(shape, pixels, numbers, share)
+        regions.append(replace(seen, hidden_sides=hidden, hidden_share=share))
+    return regions
+
+
+def fused_regions(
+    frame: int,
+    points: FloatArray,
+    numbers: NDArray[np.int32],
+    others: Sequence[FloatArray],
+    plane: FloatArray,
+    settings: RegionSettings,
+) -> list[Region]:
+    """Return the regions of what several cameras see at once, the largest first.
+
+    Each is taken for seen from all sides: nothing of its outline is hidden.
+
+    Args:
+        frame: its number.
+        points: (H, W, 3) level frame; NaN for gaps.
+        numbers: (H, W) index of each pixel's point in the frame's points; -1 for gaps.
+        others: (N, 3) points of each other camera, in the same level frame.
+        plane: of the table.
+        settings: metres scaled.
+    """
+    from scipy.ndimage import label
+
+    own = points.reshape(-1, 3)
+    known = np.flatnonzero(np.isfinite(own[:, 0]))
+    pixels = np.concatenate([known, *(np.full(len(other), -1) for other in others)])
+    cloud = np.concatenate([own[known], *others])
+    heights = _heights(cloud, plane)
+    above = np.flatnonzero(heights > settings.above_m)
+    if not len(above):
         return []
-    a, b, c = ground_plane(points[known].astype(np.float32), plane)
-    heights = a * points[..., 0] + b * points[..., 2] + c - points[..., 1]
-    mask = known & (heights > settings.above_m)
-    members = list(_components(points, mask, settings))
-    regions = [_region(frame, pixels, depth, points, heights, settings) for pixels in members]
-    own = [numbers.ravel()[pixels] for pixels in members]
-    return [replace(r, points=n[n >= 0]) for r, n in zip(regions, own, strict=True)]
+    cells = np.floor(cloud[above] / settings.voxel_m).astype(np.int64)
+    cells -= cells.min(axis=0)
+    filled = np.zeros(cells.max(axis=0) + 1, dtype=bool)
+    filled[tuple(cells.T)] = True
+    numbered, _ = label(filled, structure=np.ones((3, 3, 3)))
+    distance = np.nan_to_num(np.linalg.norm(points, axis=-1), nan=np.inf)
+    regions = []
+    for group in _groups(above, numbered[tuple(cells.T)] - 1, settings.least_pixels):
+        shape = _shape(frame, cloud[group], heights[group], settings.trim_share)
+        mine = pixels[group][pixels[group] >= 0]
+        if len(mine):
+            _, share = _hidden(mine, distance, settings.front_m)
+            shape = _in_image(shape, mine, numbers, share)
+        regions.append(shape)
+    return regions
+
+
+def _in_image(
+    region: Region, pixels: IntArray, numbers: NDArray[np.int32], hidden_share: float
+) -> Region:
+    """Return a region with what one camera's (N,) pixels of it show."""
+    rows, columns = np.divmod(pixels, numbers.shape[1])
+    index = numbers.ravel()[pixels]
+    edges = (columns.min(), rows.min(), columns.max(), rows.max())
+    left, top, right, bottom = map(float, edges)
+    return replace(
+        region,
+        points=index[index >= 0],
+        image_hidden_share=hidden_share,
+        box_px=(left, top, right, bottom),
+    )
+
+
+def _heights(points: FloatArray, plane: FloatArray) -> FloatArray:
+    a, b, c = plane
+    heights: FloatArray = a * points[..., 0] + b * points[..., 2] + c - points[..., 1]
+    return heights
 
 
 def _components(
@@ -121,6 +207,8 @@ def _components(
 
     rows, columns = mask.shape
     places = np.flatnonzero(mask)
+    if not len(places):
+        return
     number = np.full(mask.shape, -1)
     number.ravel()[places] = np.arange(len(places))
     starts, ends = [], []
@@ -136,67 +224,62 @@ def _components(
     start, end = np.concatenate(starts), np.concatenate(ends)
     graph = coo_matrix((np.ones(len(start), bool), (start, end)), shape=(len(places),) * 2)
     _, labels = connected_components(graph, directed=False)
+    yield from _groups(places, labels.astype(np.int64), settings.least_pixels)
+
+
+def _groups(places: IntArray, labels: IntArray, least: int) -> list[IntArray]:
+    """Return the places of each label that has enough of them, the largest first."""
     order = np.argsort(labels, kind="stable")
-    sizes = np.bincount(labels, minlength=0)
-    groups = np.split(places[order], np.cumsum(sizes)[:-1]) if len(places) else []
-    kept = [group for group in groups if len(group) >= settings.least_pixels]
-    yield from sorted(kept, key=lambda group: (-len(group), int(group[0])))
+    groups = np.split(places[order], np.cumsum(np.bincount(labels))[:-1])
+    kept = [group for group in groups if len(group) >= least]
+    return sorted(kept, key=lambda group: (-len(group), int(group[0])))
 
 
-def _region(
-    frame: int,
-    pixels: IntArray,
-    depth: NDArray[np.floating],
-    points: FloatArray,
-    heights: FloatArray,
-    settings: RegionSettings,
-) -> Region:
-    xz = points.reshape(-1, 3)[pixels][:, [0, 2]]
-    own_heights = heights.ravel()[pixels]
+def _shape(frame: int, points: FloatArray, heights: FloatArray, trim_share: float) -> Region:
+    """Return what (N, 3) points of one thing show, as if nothing hid a part of it."""
+    xz = points[:, [0, 2]]
     box = min_area_box(xz)
     middle = xz.mean(axis=0)
     forward = middle / max(float(np.linalg.norm(middle)), 1e-9)
     across = np.array([forward[1], -forward[0]])
     along, beside = xz @ forward, xz @ across
-    low, high = np.quantile(own_heights, [settings.trim_share, 1 - settings.trim_share])
-    hidden, share = _hidden(pixels, depth, settings.front_m)
-    rows, columns = np.divmod(pixels, depth.shape[1])
-    ground = points.reshape(-1, 3)[pixels][:, 1] + own_heights
+    low, high = np.quantile(heights, [trim_share, 1 - trim_share])
     return Region(
         frame=frame,
-        pixels=len(pixels),
+        pixels=len(points),
         points=np.empty(0, np.int32),
         rectangle=(box.cx, box.cz, box.length, box.width, box.yaw_rad),
         fill_share=box.fill_share,
         sight=math.atan2(-forward[1], forward[0]),
         front_m=float(along.min()),
         sides_m=(float(beside.min()), float(beside.max())),
-        hidden_sides=hidden,
-        hidden_share=share,
+        hidden_sides=(0.0, 0.0, 0.0),
+        hidden_share=0.0,
+        image_hidden_share=1.0,
         heights_m=(float(low), float(high)),
-        plane_y_m=float(ground.mean()),
-        box_px=(float(columns.min()), float(rows.min()), float(columns.max()), float(rows.max())),
+        plane_y_m=float((points[:, 1] + heights).mean()),
+        box_px=None,
     )
 
 
 def _hidden(
-    pixels: IntArray, depth: NDArray[np.floating], front_m: float
+    pixels: IntArray, distance: FloatArray, front_m: float
 ) -> tuple[tuple[float, float, float], float]:
     """Return the hidden shares of the left, right and lower outline, and of them together.
 
     An outline is hidden where the pixel beside it is nearer, or outside the image.
     """
-    height, width = depth.shape
+    height, width = distance.shape
     inside = np.zeros((height + 2, width + 2), bool)
     rows, columns = np.divmod(pixels, width)
     inside[rows + 1, columns + 1] = True
     around = np.zeros((height + 2, width + 2))
-    around[1:-1, 1:-1] = np.where(depth > 0, depth, np.inf)
+    around[1:-1, 1:-1] = distance
     shares, hidden_edges, edges = [], 0, 0
     for down, right in _SIDES:
         beside = (rows + 1 + down, columns + 1 + right)
         edge = ~inside[beside]
-        hidden = edge & (around[beside] < depth[rows, columns] - front_m)
+        hidden = edge & (around[beside] < distance[rows, columns] - front_m)
         shares.append(float(hidden.sum() / max(edge.sum(), 1)))
         hidden_edges += int(hidden.sum())
         edges += int(edge.sum())

@@ -54,6 +54,7 @@ class TrackedRegion:
         box: (7,) as a box: a rectangle from above.
         disc: (7,) as what is round from above: a square around the circle, along the line of sight.
         clear: whether its own extent is trusted.
+        whole_in_image: whether its pixels are trusted to show all of it.
         age_frames: sightings of the track.
         span_frames: from its first sighting to its last.
         fill_share: of the trusted sightings around; of its own when there is none.
@@ -65,6 +66,7 @@ class TrackedRegion:
     box: FloatArray
     disc: FloatArray
     clear: bool
+    whole_in_image: bool
     age_frames: int
     span_frames: int
     fill_share: float
@@ -131,6 +133,7 @@ class _Track:
             box=self._box(place, near, *level),
             disc=self._disc(place, near, *level),
             clear=bool(self.clear[place]),
+            whole_in_image=region.image_hidden_share < self.settings.clear_share,
             age_frames=len(self.regions),
             span_frames=int(self.frames[-1] - self.frames[0] + 1),
             fill_share=fill,
