@@ -14,6 +14,8 @@ setup: $(STAMP) $(WARM)
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[dev]'
+	# trackeval asks for opencv-python, which needs libGL and overwrites the headless one: without it.
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps trackeval tabulate
 	@touch $(STAMP)
 
 $(WARM): $(STAMP)
@@ -30,7 +32,7 @@ demo: setup
 # The kernels compile while the types are checked.
 test: $(STAMP)
 	$(MAKE) --jobs 2 lint types $(WARM)
-	$(BIN)/python -m pytest -n 2
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

@@ -6,144 +6,34 @@ With the library, every sequence is then tracked once more, and the long range l
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
 
 from tcrdata import __version__, registry, settings
-from tcrdata.errors import DatasetError, EvidenceError, MissingEvidenceError, SettingsError
+from tcrdata.errors import DatasetError, EvidenceError, MissingEvidenceError
+from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
+from tcrdata.evidence.objectness3d import Model
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import ROUND
 from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
+from tcrdata.track_plans import TrackPlan, passes, unit_of
 from tcrdata.tracked_rows import BOX, RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
+from tcrdata.tracking.library import library_of_rows
+from tcrdata.tracking.short_range import short_range
+from tcrdata.tracking.tracker import Tracker
 from tcrdata.tracklet_boxes import STAGE as BOXES
 from tcrdata.tracklet_boxes import write_boxes
-from tcrdata.tracking.library import LibrarySettings, library_of_rows
-from tcrdata.tracking.short_range import ShortRangeSettings, TrackerName, short_range
-from tcrdata.tracking.tracker import Tracker, TrackerSettings
+from tcrdata.truth_starts import first_boxes
 from tcrdata.types import FloatArray
 
-Start = Literal["labels", "truth"]
 _LABEL_COLUMNS = ("proposal_id", "frame", "state", "score", "source", "track_id", *BOX)
 _ROWS_AT_ONCE = 4096
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Everything that the numbers of a tracking follow from.
-
-    Attributes:
-        tracker: from one frame to the next.
-        short: when its matches count.
-        gates: of targets and of what is out of sight.
-        library: how paths are cut into entries.
-        least_truth_points: a true first box with fewer points in it is not begun with.
-    """
-
-    tracker: TrackerName = "auto"
-    short: ShortRangeSettings = field(default_factory=ShortRangeSettings)
-    gates: TrackerSettings = field(default_factory=TrackerSettings)
-    library: LibrarySettings = field(default_factory=LibrarySettings)
-    least_truth_points: int = 10
-
-
-@dataclass(frozen=True)
-class TrackPlan:
-    """One tracking, fixed before it starts.
-
-    Attributes:
-        selection_id: whose labels.
-        round: EM round of the selection.
-        start: what tracklets begin with; `truth` is for evaluation alone.
-        library: whether the long range uses the library.
-        settings: of the trackers.
-        entries: parameters of the rule that lets paths into the library.
-        sequences: (dataset, sequence), in order.
-    """
-
-    selection_id: str
-    round: int
-    start: Start
-    library: bool
-    settings: Settings
-    entries: Mapping[str, Any]
-    sequences: tuple[tuple[str, str], ...]
-
-
-def plan_tracking(
-    store: Store,
-    selection_id: str,
-    *,
-    start: Start = "labels",
-    library: bool = True,
-    tracker: TrackerName = "auto",
-    assignments: Mapping[str, str] | None = None,
-) -> TrackPlan:
-    """Return the plan of a tracking.
-
-    Args:
-        store: holds the selection.
-        selection_id: whose labels are tracked; from truth, whose labels are candidates.
-        start: what tracklets begin with.
-        library: whether what is lost is looked for along the library's paths.
-        tracker: nearest, correlation or auto.
-        assignments: `name=value` of the settings; `library_entries.name=value` of the rule.
-
-    Raises:
-        SettingsError: an unknown name or value.
-        MissingEvidenceError: the selection has no label, or truth has no labelled object.
-    """
-    values = {"tracker": tracker, **dict(assignments or {})}
-    rule = {k: values.pop(k) for k in list(values) if k.startswith("library_entries.")}
-    chosen = _overridden(Settings(), values, "track")
-    short_range(chosen.tracker, chosen.short)
-    rows = store.read("selections", selection_id=selection_id).to_pylist()
-    sequences = _sequences(store, selection_id, start)
-    return TrackPlan(
-        selection_id, rows[0]["round"], start, library, chosen,
-        {name.partition(".")[2]: float(text) for name, text in rule.items()}, sequences,
-    )  # fmt: skip
-
-
-def _overridden(own: Any, values: Mapping[str, str], where: str) -> Any:
-    """Return settings of settings with `group.name=value` applied."""
-    plain = {name: text for name, text in values.items() if "." not in name}
-    groups: dict[str, dict[str, str]] = defaultdict(dict)
-    for name, text in values.items():
-        if "." in name:
-            group, _, rest = name.partition(".")
-            groups[group][rest] = text
-    for group, rest in groups.items():
-        if not is_dataclass(getattr(own, group, None)):
-            known = [f.name for f in fields(own) if is_dataclass(getattr(own, f.name))]
-            raise SettingsError(
-                settings.unknown(f"group of settings '{where}.{group}'", group, known)
-            )
-        own = replace(own, **{group: _overridden(getattr(own, group), rest, f"{where}.{group}")})
-    return settings.overridden(own, plain, where)
-
-
-def _sequences(store: Store, selection_id: str, start: Start) -> tuple[tuple[str, str], ...]:
-    """Return the sequences that have anything to begin with."""
-    table = "ground_truth" if start == "truth" else "labels"
-    columns = ["dataset", "sequence"]
-    if start == "truth":
-        found = store.read(table, columns=columns)
-    else:
-        found = store.read(table, columns=columns, selection_id=selection_id, state="positive")
-    keys = sorted({(row["dataset"], row["sequence"]) for row in found.to_pylist()})
-    if not keys:
-        raise MissingEvidenceError(
-            "no sequence of this store has labelled objects to begin with"
-            if start == "truth"
-            else f"selection {selection_id[:12]} has no label to track: loosen a rule with "
-            "`tcrdata check`, or look at `tcrdata funnel`"
-        )
-    return tuple(keys)
 
 
 def track(
@@ -155,7 +45,7 @@ def track(
         TcrdataError: the store cannot be read or written.
     """
     outcomes = []
-    for library, start in _passes(plan):
+    for library, start in passes(plan):
         store = open_store(store_url)
         entries = _library_rows(store, plan) if library else []
         part = replace(plan, library=library, start=start)
@@ -181,21 +71,6 @@ def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Itera
         yield UnitOutcome(unit, "made" if made else "done")
 
 
-def _passes(plan: TrackPlan) -> list[tuple[bool, Start]]:
-    """Short range on the labels always comes first where a library is wanted."""
-    passes: list[tuple[bool, Start]] = []
-    if plan.library:
-        passes.append((False, "labels"))
-    passes.append((plan.library, plan.start))
-    return passes
-
-
-def number_of_units(plan: TrackPlan) -> int:
-    """Return how many units of work a tracking has."""
-    passes = len(_passes(plan)) + (plan.start == "labels")
-    return passes * len(plan.sequences)
-
-
 def _outcomes(
     store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int
 ) -> Iterator[UnitOutcome]:
@@ -205,12 +80,6 @@ def _outcomes(
     with executor(1 if alone else workers) as parallel:
         assert isinstance(parallel, Serial | Processes)
         yield from parallel(_track_sequence, tasks)
-
-
-def unit_of(plan: TrackPlan, dataset: str, sequence: str) -> Unit:
-    """Return the unit of work of one sequence."""
-    stage = "tracklets" if plan.start == "labels" else "truth_tracklets"
-    return Unit(stage + ("_library" if plan.library else ""), dataset, sequence, plan.round)
 
 
 def _track_sequence(
@@ -226,13 +95,26 @@ def _track_sequence(
     if store.is_done(unit, hash_, inputs):
         return UnitOutcome(unit, "done")
     try:
-        source = scene_source(store, _dataset(store, dataset, sequence), dataset, sequence, labels)
+        source = scene_source(
+            store, _dataset(store, dataset, sequence), dataset, sequence, labels,
+            _model(store, plan),
+        )  # fmt: skip
         with store.writer(unit, settings_hash=hash_, inputs=inputs) as writer:
             for table, columns in _rows(store, plan, source, unit, entries):
                 writer.append(table, columns)
     except (DatasetError, EvidenceError, MissingEvidenceError) as error:
         return UnitOutcome(unit, "failed", str(error))
     return UnitOutcome(unit, "made")
+
+
+def _model(store: Store, plan: TrackPlan) -> Model | None:
+    """Return the detector whose features are correlated; None without one."""
+    if not plan.model:
+        return None
+    wanted = ModelChoice("detector", plan.model, "", plan.round)
+    row = chosen_model(store, wanted)
+    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
+    return Model(plan.model, row["network"], plain, model_weights(store, wanted, plan.model))
 
 
 def _dataset(store: Store, dataset: str, sequence: str) -> Any:
@@ -255,7 +137,7 @@ def _inputs(
     store: Store, plan: TrackPlan, unit: Unit, labels: list[dict[str, Any]], entries: list[Any]
 ) -> dict[str, str]:
     """Return digests of what a unit's rows follow from: content, not names of selections."""
-    inputs = {"labels": settings.digest(labels)}
+    inputs = {"labels": settings.digest(labels), "detector": plan.model}
     stages = ["frames", "ground", "odometry"]
     stages += ["ground_truth"] if plan.start == "truth" else []
     for stage in stages:
@@ -270,11 +152,12 @@ def _library_rows(store: Store, plan: TrackPlan) -> list[dict[str, Any]]:
     """Return what the rule lets into the library, of the round's tracklets."""
     connection = store.connect(tables=("trajectories",))
     try:
-        found = run_report(connection, "library_entries", dict(plan.entries), folder="tracking")
+        parameters = {**plan.entries, "entries_round": plan.round}
+        found = run_report(connection, "library_entries", parameters, folder="tracking")
         rows: list[dict[str, Any]] = found.to_arrow_table().to_pylist()
     finally:
         connection.close()
-    return [row for row in rows if row["round"] == plan.round]
+    return rows
 
 
 def _rows(
@@ -350,6 +233,4 @@ def _starts(
     """Return the true first box of each labelled object, at the first frame that shows it."""
     if plan.start == "labels":
         return None
-    from tcrdata.truth_starts import first_boxes
-
     return first_boxes(store, source, unit.dataset, unit.sequence, plan.settings.least_truth_points)

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tcrdata.errors import FrameError, MissingEvidenceError
+from tcrdata.evidence.detector_features import detector_features
+from tcrdata.evidence.ground import Settings as PlaneSettings
+from tcrdata.evidence.ground import ground_plane
+from tcrdata.evidence.objectness3d import EVIDENCE, Model
 from tcrdata.evidence.point_rows import decode_matching, read_encoded
-from tcrdata.evidence.poses import read_poses
+from tcrdata.evidence.poses import Poses, read_poses
 from tcrdata.evidence.range_images import (
     LidarCells,
     RangeGrid,
@@ -24,9 +28,10 @@ from tcrdata.evidence.world import World, make_world
 from tcrdata.geometry.transforms import inverse, transform_points
 from tcrdata.ingest import frames_of
 from tcrdata.plan import ROUND
-from tcrdata.store import Store
+from tcrdata.store import Store, Unit
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import (
+    BoolArray,
     Dataset,
     Float32Array,
     FloatArray,
@@ -40,6 +45,7 @@ from tcrdata.types import (
 BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _CELLS = LidarCells()
 _UNDECIDED = 0.5
+_ABOVE_M = 0.2  # times the metric scale: depth noise keeps a table about this thick
 
 
 class FrameView:
@@ -78,6 +84,9 @@ class SceneSource:
         labels: frame to the rows of the labels there.
         world: its frames with their poses.
         heat: proposal to s * o, where a network has spoken.
+        plane: (a, b, c) of the table's plane y = a x + b z + c, for sequences whose ground was not
+            measured; None where it was, or for a LiDAR.
+        model: detector whose features are correlated; None for colour or reflectance.
     """
 
     dataset: Dataset
@@ -87,6 +96,8 @@ class SceneSource:
     world: World
     labels: Mapping[int, list[dict[str, Any]]]
     heat: Mapping[str, float]
+    plane: FloatArray | None = None
+    model: Model | None = None
 
     def scenes(self) -> Iterator[tuple[Scene, list[str | None]]]:
         """Yield every frame that can be read, with the proposals of its candidates."""
@@ -100,10 +111,7 @@ class SceneSource:
     def scene(self, number: int, frame: Frame, cloud: PointCloud) -> tuple[Scene, list[str | None]]:
         """Return one frame."""
         pose = self.world.poses.world_T_level[number]
-        ground = read_encoded(self.tables, number, "ground", round=ROUND)
-        kept = np.ones(len(cloud), dtype=bool)
-        if ground is not None:
-            kept = ~decode_matching(ground, len(cloud)).astype(bool)
+        kept = ~self._ground(number, cloud)
         points = transform_points(pose, cloud.xyz[kept]).astype(np.float32)
         rows = self.labels.get(number, [])
         scene = Scene(
@@ -115,8 +123,26 @@ class SceneSource:
         )
         return scene, [row["proposal_id"] for row in rows]
 
+    def _ground(self, number: int, cloud: PointCloud) -> BoolArray:
+        """Return (N,) which points are the ground's: as measured, else those near the table."""
+        ground = read_encoded(self.tables, number, "ground", round=ROUND)
+        if ground is not None:
+            return decode_matching(ground, len(cloud)).astype(bool)
+        if self.plane is None:
+            return np.zeros(len(cloud), dtype=bool)
+        a, b, c = self.plane
+        above = a * cloud.xyz[:, 0] + b * cloud.xyz[:, 2] + c - cloud.xyz[:, 1]
+        return np.asarray(above <= _ABOVE_M * self.metric_scale)
+
     def _features(self, frame: Frame, cloud: PointCloud, kept: np.ndarray) -> Float32Array:
-        """Occupancy with the colour of the pixel, or with a LiDAR's reflectance."""
+        """What the detector makes of the points; without one, colour or a LiDAR's reflectance."""
+        if self.model is not None:
+            rows = ((e, read_encoded(self.tables, frame.frame, e, round=ROUND)) for e in EVIDENCE)
+            known = {name: row for name, row in rows if row is not None}
+            found = detector_features(self.model, frame, cloud, known, self.metric_scale)
+            if found is not None:
+                ones = np.ones((len(cloud), 1), np.float32)
+                return unit(np.column_stack([ones, unit(found)]))[kept]
         if self.sensor == "depth" and frame.has_image and cloud.pixels is not None:
             try:
                 image = self.dataset.read_image(frame)
@@ -160,7 +186,12 @@ def unit(features: np.ndarray) -> Float32Array:
 
 
 def scene_source(
-    store: Store, dataset: Dataset, name: str, sequence: str, labels: list[dict[str, Any]]
+    store: Store,
+    dataset: Dataset,
+    name: str,
+    sequence: str,
+    labels: list[dict[str, Any]],
+    model: Model | None = None,
 ) -> SceneSource:
     """Return what one sequence's scenes are read from.
 
@@ -171,10 +202,8 @@ def scene_source(
     (info,) = tables.read("sequences").to_pylist() or [None]
     if info is None:
         raise MissingEvidenceError(f"{name}/{sequence} is not in the store: build it first")
-    poses = read_poses(tables)
-    if not poses.segment:
-        poses = read_poses(tables, "flow_ransac")
-    world = make_world(list(frames_of(store, name, sequence)), poses)
+    frames = list(frames_of(store, name, sequence))
+    world = make_world(frames, _poses(tables, frames, still=info["static_camera"]))
     if not world.frames:
         raise MissingEvidenceError(
             f"{name}/{sequence}: tracking needs egomotion, which no build has measured: build with "
@@ -185,8 +214,36 @@ def scene_source(
         by_frame[row["frame"]].append(row)
     return SceneSource(
         dataset, info["sensor"], info["metric_scale"], tables, world, by_frame,
-        _heat(store, name, sequence, labels),
+        _heat(store, name, sequence, labels), _plane(store, dataset, world, info), model,
     )  # fmt: skip
+
+
+def _poses(tables: Tables, frames: list[Frame], *, still: bool) -> Poses:
+    """Return the measured poses; of a camera that is known to stand still all the same one."""
+    for method in ("odometry", "flow_ransac"):
+        poses = read_poses(tables, method)
+        if poses.segment:
+            return poses
+    numbers = [frame.frame for frame in frames] if still else []
+    return Poses({n: np.eye(4) for n in numbers}, dict.fromkeys(numbers, 0))
+
+
+def _plane(store: Store, dataset: Dataset, world: World, info: dict[str, Any]) -> FloatArray | None:
+    """Return the table's plane, of the first frame that can be read; None where ground is known."""
+    name, sequence, scale = info["dataset"], info["sequence"], info["metric_scale"]
+    measured = store.record(Unit("ground", name, sequence, ROUND)) is not None
+    if measured or info["sensor"] != "depth":
+        return None
+    own = PlaneSettings()
+    own = replace(own, plane_margin_m=own.plane_margin_m * scale)
+    for frame in world.frames.values():
+        try:
+            xyz = dataset.read_points(frame).xyz
+        except FrameError:
+            continue
+        if len(xyz) >= own.minimum_points:
+            return ground_plane(xyz, own)
+    return None
 
 
 def _heat(store: Store, name: str, sequence: str, labels: list[dict[str, Any]]) -> dict[str, float]:

@@ -36,8 +36,13 @@ def write_boxes(store: Store, tracked: Unit, *, library: bool) -> bool:
     inputs = {tracked.stage: record.digest if record else "missing"}
     if store.is_done(unit, STAGE, inputs):
         return False
-    key = {"dataset": unit.dataset, "sequence": unit.sequence, "round": unit.round}
-    rows = store.read("tracklets", library=library, **key).to_pylist()
+    rows = store.read(
+        "tracklets",
+        dataset=unit.dataset,
+        sequence=unit.sequence,
+        round=unit.round,
+        library=library,
+    ).to_pylist()
     scale = store.read("sequences", columns=["metric_scale"], dataset=unit.dataset,
                        sequence=unit.sequence)["metric_scale"][0].as_py()  # fmt: skip
     sensors = _sensors(store, unit)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import SettingsError
 from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import ROUND
-from tcrdata.rules import Selection
+from tcrdata.rules import Selection, load_preset, preset_names
 from tcrdata.store import Store, Unit
 
 if TYPE_CHECKING:
@@ -51,6 +52,21 @@ def learnable(store: Store, kinds: Sequence[str]) -> list[str]:
         return list(kinds)
     images = store.read("frames", columns=["has_image"], round=ROUND)["has_image"]
     return [kind for kind in kinds if kind not in SEES_IMAGES or any(images.to_pylist())]
+
+
+def unheard_presets(store: Store, selection_id: str) -> list[str]:
+    """Return presets whose labels a selection should have left undecided, had they been measured.
+
+    Args:
+        store: that holds it.
+        selection_id: of labels to learn from; none where its preset is not one that ships.
+    """
+    columns = ["preset", "alternatives"]
+    rows = store.read("selections", columns=columns, selection_id=selection_id).to_pylist()
+    names = [row["preset"] for row in rows if row["preset"] in preset_names()]
+    heard = {other["name"] for row in rows for other in json.loads(row["alternatives"] or "[]")}
+    wanted = [other.name for name in names for other in load_preset(name).others]
+    return [name for name in wanted if name not in heard]
 
 
 def known_model(store: Store, recipe: Recipe, selection_id: str) -> dict[str, Any] | None:

@@ -75,7 +75,7 @@ def scene(
     colour = np.stack([np.cos(owner[seen] * 2.0), np.sin(owner[seen] * 2.0)], axis=1)
     features = np.column_stack([np.ones(len(points)), colour]).astype(np.float32) / np.sqrt(2)
     names = list(boxes)
-    taken = [n for n in found if (owner == names.index(n)).sum() >= least_px]
+    taken = [n for n in found if n in boxes and (owner == names.index(n)).sum() >= least_px]
     return Scene(
         frame,
         points,

@@ -89,10 +89,12 @@ def label(sequence: str, frame: int, index: int, positive: bool) -> dict[str, An
     )  # fmt: skip
 
 
-def select_by_hand(store: Store, selection_id: str, labels: list[dict[str, Any]]) -> None:
+def select_by_hand(
+    store: Store, selection_id: str, labels: list[dict[str, Any]], preset: str = "by-hand"
+) -> None:
     """Write labels as a selection, and point to it."""
     selection = {
-        "selection_id": selection_id, "name": selection_id, "preset": "by-hand", "snapshot": "none",
+        "selection_id": selection_id, "name": selection_id, "preset": preset, "snapshot": "none",
         "rules": [], "rule_texts": [], "required": [], "preset_text": "", "parameters": {},
         "proposals_judged": 9, "labels": len(labels),
     }  # fmt: skip

@@ -32,6 +32,7 @@ LAYERS = (
         "trainings",
         "tracked_rows",
         "tracked_scenes",
+        "track_plans",
         "track_runs",
         "tracklet_boxes",
         "track_pictures",
@@ -74,7 +75,9 @@ def imports_of(path: Path) -> frozenset[str]:
     typing_only = {
         inner
         for node in ast.walk(tree)
-        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        if isinstance(node, ast.If)
+        and isinstance(node.test, ast.Name)
+        and node.test.id == "TYPE_CHECKING"
         for inner in ast.walk(node)
     }
     found: set[str] = set()

@@ -17,6 +17,7 @@ select selection_id, format('{}/{}', tracklet_id, frame) as proposal_id, dataset
        'positive' as state, null::varchar as ignored_because, coalesce(score, passable) as score,
        'tracklet' as source, tracklet_id as track_id,
        x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad,
+       null::boolean as yaw_observable,
        left_px, top_px, right_px, bottom_px, center_u_px, center_v_px,
        truncated_share, 1 - visible_share as occluded_share, number_of_points, speed_mps,
        [found] as carried_by

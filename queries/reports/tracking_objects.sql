@@ -16,8 +16,8 @@ set variable moving_above_mps = 1.0;           -- m/s * metric_scale: labelled o
 
 with objects as (
     select 'truth' as kind, dataset, sequence, frame, object_id as series_id, null as object_id, null as found,
-           x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object, yaw_observable,
-           visible_px, null::double as visible_share, speed_mps
+           x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object, object_size_m, yaw_observable,
+           visible_px, contained_in, speed_mps
     from ground_truth
     where category != 'DontCare'
     union all by name
@@ -28,13 +28,13 @@ with objects as (
       and (getvariable('selection_id') is null or selection_id = getvariable('selection_id'))
     union all by name
     select if(library, 'tracklet_library', 'tracklet') as kind, dataset, sequence, frame, tracklet_id as series_id,
-           found, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, visible_share, speed_mps
+           found, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, speed_mps
     from tracklets
     where round = getvariable('tracked_round')
     union all by name
     select if(library, 'truth_tracklet_library', 'truth_tracklet') as kind, dataset, sequence, frame,
            tracklet_id as series_id, object_id, found,
-           x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, visible_share, speed_mps
+           x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, speed_mps
     from truth_tracklets
     where round = getvariable('tracked_round')
 ),
@@ -63,8 +63,8 @@ projected as (
     from placed
 )
 select kind, dataset, sequence, frame, series_id, object_id, found,
-       x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object,
-       coalesce(yaw_observable, true) as yaw_observable, visible_px, visible_share,
+       x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, level_R_object, object_size_m,
+       coalesce(yaw_observable, true) as yaw_observable, visible_px, contained_in,
        coalesce(speed_mps > getvariable('moving_above_mps') * scale, false) as moving,
        (not has_region
             or (abs(x_m) <= getvariable('max_lateral_m') * scale

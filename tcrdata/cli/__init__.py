@@ -16,6 +16,7 @@ from tcrdata.cli import (
     draw,
     evaluate,
     evaluate_flow,
+    evaluate_tracking,
     export,
     funnel,
     models,
@@ -59,7 +60,11 @@ for _command in (
 ):
     app.command(_command)
 
-group(evaluate.evaluate, flow=evaluate_flow.evaluate_flow)
+group(
+    evaluate.evaluate,
+    flow=evaluate_flow.evaluate_flow,
+    tracking=evaluate_tracking.evaluate_tracking,
+)
 group(train.train, flow=train_flow.train_flow)
 
 

@@ -40,7 +40,7 @@ def track(
         json: print what was done as JSON.
     """
     from tcrdata.store import open_store
-    from tcrdata.track_runs import number_of_units, plan_tracking
+    from tcrdata.track_plans import number_of_units, plan_tracking
     from tcrdata.track_runs import track as run
 
     count = workers if workers is not None else default_workers()

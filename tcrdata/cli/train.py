@@ -52,11 +52,17 @@ def train(
     """
     from tcrdata.learning.runs import plan_recipe, run_training
     from tcrdata.store import open_store
+    from tcrdata.trainings import unheard_presets
 
     values = read_toml(config) if config else {}
     recipe = plan_recipe(kind, {**values, **parse_assignments(list(assignments))})
     opened = open_store(store)
     selection_id = selected(opened, selection)
+    if unheard := ", ".join(unheard_presets(opened, selection_id)):
+        console.say(
+            f"warning: what {unheard} takes was not measured when these labels were selected, so "
+            f"that parked things are background here: build with --preset {unheard}, select again"
+        )
     started = time.perf_counter()
     with training_progress(recipe.loop.steps, logs) as report:
         model, progress = run_training(

@@ -53,7 +53,6 @@ def train_flow(
         device: auto, cpu or cuda.
         json: print the model and what was checked as JSON.
     """
-    from tcrdata.learning.flow_runs import plan_finetuning, plan_from_scratch
     from tcrdata.learning.flow_runs import train_flow as run
     from tcrdata.store import open_store
 
@@ -64,15 +63,7 @@ def train_flow(
                             "--model and --losses out")  # fmt: skip
     opened = open_store(store, create=not named)
     teacher = None if from_scratch else _teacher(opened, weights, model, model_store, size)
-    if teacher is None:
-        if losses:
-            raise SettingsError(
-                f"--losses finetunes, but {store} has no flow network yet: give --weights FILE, or "
-                "train one from scratch first"
-            )
-        recipe = plan_from_scratch(size, values)
-    else:
-        recipe = plan_finetuning(teacher, listed(losses), values)
+    recipe = _recipe(teacher, size, losses, values)
     started = time.perf_counter()
     with training_progress(recipe.loop.steps) as report:
         made, progress = run(opened, recipe, resume=resume, device=device, report=report)
@@ -86,6 +77,21 @@ def train_flow(
         )
     _finish(opened, recipe, made, store, json)
     return 0
+
+
+def _recipe(
+    teacher: dict[str, Any] | None, size: str | None, losses: str | None, values: dict[str, str]
+) -> FlowRecipe:
+    from tcrdata.learning.flow_runs import plan_finetuning, plan_from_scratch
+
+    if teacher is not None:
+        return plan_finetuning(teacher, listed(losses), values)
+    if losses:
+        raise SettingsError(
+            "--losses finetunes, but the store has no flow network yet: give --weights FILE, or "
+            "train one from scratch first"
+        )
+    return plan_from_scratch(size, values)
 
 
 def _teacher(

@@ -6,6 +6,7 @@ is not known.
 
 from __future__ import annotations
 
+import re
 import struct
 from pathlib import Path
 
@@ -20,6 +21,8 @@ UNKNOWN_FLO = np.float32(1e10)
 
 KITTI_STEPS_A_PX = 64
 KITTI_ZERO = 2**15
+_GAP = rb"(?:\s|#[^\n]*\n)+"
+_PPM_HEADER = re.compile(rb"P6" + _GAP + rb"(\d+)" + _GAP + rb"(\d+)" + _GAP + rb"255\s")
 _HEADER = struct.Struct("<4sii")
 
 
@@ -95,6 +98,24 @@ def read_flow_file(path: Path) -> Float32Array:
         DatasetError: it cannot be read as what it is named.
     """
     return read_kitti_flow(path) if path.suffix == ".png" else read_flo(path)
+
+
+def read_ppm(path: Path) -> ImageArray:
+    """Return the (H, W, 3) RGB pixels of a binary `.ppm` of 8 bits, as FlyingChairs has them.
+
+    Raises:
+        DatasetError: the file cannot be read, is something else, or is cut short.
+    """
+    data = _bytes(path)
+    header = _PPM_HEADER.match(data)
+    if header is None:
+        raise DatasetError(f"{path}: no binary .ppm of 8 bits: it does not begin with P6")
+    width, height = int(header[1]), int(header[2])
+    wanted = header.end() + 3 * width * height
+    if len(data) < wanted:
+        raise DatasetError(f"{path}: {len(data)} bytes, not {wanted} for {width}x{height}")
+    pixels = np.frombuffer(data, np.uint8, 3 * width * height, header.end())
+    return pixels.reshape(height, width, 3)
 
 
 def write_ppm(path: Path, image: ImageArray) -> None:

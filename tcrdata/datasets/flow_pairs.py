@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from tcrdata.datasets.flow_files import read_flow_file
+from tcrdata.datasets.flow_files import read_flow_file, read_ppm
 from tcrdata.datasets.image_files import read_rgb
 from tcrdata.errors import DatasetError
 from tcrdata.types import Float32Array, ImageArray
@@ -37,7 +37,9 @@ class FlowPair:
         Raises:
             DatasetError: one cannot be read, or they differ in size.
         """
-        first, second = (read_rgb(path) for path in self.images)
+        first, second = (
+            read_ppm(path) if path.suffix == ".ppm" else read_rgb(path) for path in self.images
+        )
         if first.shape != second.shape:
             sizes = [f"{image.shape[1]}x{image.shape[0]}" for image in (first, second)]
             raise DatasetError(

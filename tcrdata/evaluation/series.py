@@ -24,11 +24,12 @@ class Series:
         frames: (N,) rising.
         boxes: (N, 7), level frame.
         rotations: (N, 3, 3) of labelled objects, NaN where unknown.
+        sizes: (N, 3) their own extents along these axes, NaN where unknown.
         scored: (N,) inside the region and not hidden.
         moving: (N,) known to move.
         yaw_observable: whether its yaw is scored.
         visible_px: (N,) of labelled objects, NaN where unknown.
-        visible_share: (N,) of tracklets, NaN where unknown.
+        contained: (N,) whether another object covers it.
         found: how each box of a tracklet was found; None for others.
         object_id: labelled object that a tracklet began with; None for others.
     """
@@ -37,11 +38,12 @@ class Series:
     frames: IntArray
     boxes: FloatArray
     rotations: FloatArray
+    sizes: FloatArray
     scored: BoolArray
     moving: BoolArray
     yaw_observable: bool
     visible_px: FloatArray
-    visible_share: FloatArray
+    contained: BoolArray
     found: tuple[str | None, ...]
     object_id: str | None
 
@@ -91,16 +93,18 @@ def series_of(dataset: str, sequence: str, table: Any) -> SequenceSeries:
 
 def _series(name: str, part: Any) -> Series:
     nan = [float("nan")] * 9
+    sizes = [size or nan[:3] for size in part["object_size_m"].to_pylist()]
     return Series(
         name,
         _numbers(part, "frame").astype(np.int64),
         np.column_stack([_numbers(part, column) for column in _BOX]),
         np.array([m or nan for m in part["level_R_object"].to_pylist()]).reshape(-1, 3, 3),
+        np.array(sizes, dtype=np.float64).reshape(-1, 3),
         np.array(part["scored"].to_pylist(), dtype=bool),
         np.array(part["moving"].to_pylist(), dtype=bool),
         bool(part["yaw_observable"][0].as_py()),
         _numbers(part, "visible_px"),
-        _numbers(part, "visible_share"),
+        np.array([owner is not None for owner in part["contained_in"].to_pylist()]),
         tuple(part["found"].to_pylist()),
         part["object_id"][0].as_py(),
     )
@@ -112,13 +116,14 @@ def _numbers(part: Any, column: str) -> FloatArray:
 
 
 def overlap(own: Series, truth: Series, frame: int) -> float:
-    """Return the footprints' IoU of a series and a labelled object in a frame; 0 when one is not."""
+    """Return the footprints' IoU of a series and a labelled object; 0 in a frame without one."""
     i, j = own.at(frame), truth.at(frame)
     if i < 0 or j < 0:
         return 0.0
     return float(
         bev_overlap(
             own.boxes[i : i + 1], truth.boxes[j : j + 1], truth.rotations[j : j + 1],
+            truth.sizes[j : j + 1],
             np.array([truth.yaw_observable]),
         )[0, 0]
     )  # fmt: skip
@@ -137,5 +142,6 @@ def frame_overlap(
     boxes = np.array([own[n].boxes[row] for n, row in ours]).reshape(-1, 7)
     true = np.array([truths[n].boxes[row] for n, row in theirs]).reshape(-1, 7)
     turned = np.array([truths[n].rotations[row] for n, row in theirs]).reshape(-1, 3, 3)
+    sizes = np.array([truths[n].sizes[row] for n, row in theirs]).reshape(-1, 3)
     known = np.array([truths[n].yaw_observable for n, _ in theirs], dtype=bool)
-    return ours, theirs, bev_overlap(boxes, true, turned, known)
+    return ours, theirs, bev_overlap(boxes, true, turned, sizes, known)

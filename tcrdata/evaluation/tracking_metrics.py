@@ -2,116 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.evaluation.identity import IdentityScores, identity_scores
 from tcrdata.evaluation.series import TRUTH, SequenceSeries, Series, overlap, series_of
+from tcrdata.evaluation.tracking_scores import (
+    Curve,
+    Ends,
+    Recovery,
+    TrackingEvaluation,
+    TrackingSettings,
+    describe_tracking,
+)
 from tcrdata.reports import run_report
 from tcrdata.store import Store
 
 STARTED = ("truth_tracklet", "truth_tracklet_library")
 FOLLOWED = ("tracklet", "tracklet_library")
 _SCORED_FOR_IDENTITY = ("label", *FOLLOWED)
-
-
-@dataclass(frozen=True)
-class TrackingSettings:
-    """The protocol.
-
-    Attributes:
-        frames: overlap is reported for so many frames from the start.
-        iou: overlap of a box that is on an object.
-        returned_frames: after so many frames in sight again an object counts as recovered.
-        hidden_px: fewer visible pixels than this are out of sight.
-    """
-
-    frames: int = 20
-    iou: float = 0.5
-    returned_frames: int = 3
-    hidden_px: int = 50
-
-
-@dataclass(frozen=True)
-class Curve:
-    """Mean overlap with the object that a tracklet began on.
-
-    Attributes:
-        kind: truth_tracklet or truth_tracklet_library.
-        subset: all, or those that moved meanwhile.
-        iou: mean overlap 0, 1, ... frames after the start; None where nothing is scored.
-        objects: how many are scored at each.
-    """
-
-    kind: str
-    subset: str
-    iou: tuple[float | None, ...]
-    objects: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Ends:
-    """Whether tracklets hold their object from the first to the last frame.
-
-    Attributes:
-        kind: which tracklets.
-        recall: share of objects that one tracklet is on in the first and in the last frame.
-        recall_throughout: the same, and in every scored frame between.
-        precision: share of tracklets that end on the object that they began on.
-        objects: scored.
-        tracklets: that began on a labelled object.
-    """
-
-    kind: str
-    recall: float | None
-    recall_throughout: float | None
-    precision: float | None
-    objects: int
-    tracklets: int
-
-
-@dataclass(frozen=True)
-class Recovery:
-    """Objects that came back into sight.
-
-    Attributes:
-        kind: truth_tracklet or truth_tracklet_library.
-        how: behind (passed behind another) or contained (inside another's box).
-        returns: how often that happened.
-        recovered: how often the tracklet was on the object some frames later.
-    """
-
-    kind: str
-    how: str
-    returns: int
-    recovered: int
-
-
-@dataclass(frozen=True)
-class TrackingEvaluation:
-    """All scores of tracking.
-
-    Attributes:
-        protocol: how it was scored, in plain lines.
-        curves: overlap over time.
-        ends: first to last.
-        recoveries: after occlusions.
-        identity: HOTA, CLEAR and identity scores.
-    """
-
-    protocol: str
-    curves: tuple[Curve, ...]
-    ends: tuple[Ends, ...]
-    recoveries: tuple[Recovery, ...]
-    identity: tuple[IdentityScores, ...]
-
-    def to_json(self) -> dict[str, Any]:
-        """Return plain lists, dicts, numbers and text."""
-        return asdict(self)
 
 
 @dataclass
@@ -134,11 +46,11 @@ def evaluate_tracking(
         settings: the protocol; None for the default one.
 
     Raises:
-        MissingEvidenceError: nothing was tracked, no sequence has labelled objects, or the package
-            of the identity scores is missing.
+        MissingEvidenceError: nothing was tracked, or no sequence has labelled objects.
     """
     own = settings or TrackingSettings()
-    sums, parts = _Sums(), {kind: [] for kind in _SCORED_FOR_IDENTITY}
+    sums = _Sums()
+    parts: dict[str, list[SequenceSeries]] = {kind: [] for kind in _SCORED_FOR_IDENTITY}
     found: set[str] = set()
     for sequence in read_sequences(store, selection_id):
         found |= set(sequence.kinds)
@@ -146,29 +58,37 @@ def evaluate_tracking(
             _add_curves(sums, sequence, kind, own)
             _add_returns(sums, sequence, kind, own)
         for kind in (*STARTED, *FOLLOWED):
-            if sequence.of(kind):
-                sums.ends.setdefault(kind, []).append(_ends(sequence, kind, own))
-        for kind, scores in parts.items():
-            if sequence.of(kind):
-                scores.append(sequence)
+            sums.ends.setdefault(kind, []).append(_ends(sequence, kind, own))
+        for scores in parts.values():
+            scores.append(sequence)
     if not found & {*STARTED, *FOLLOWED}:
         raise MissingEvidenceError(
             "nothing was tracked yet: run `tcrdata track`, and `tcrdata track --init-from truth` "
             "for the overlap from a true first box"
         )
     return TrackingEvaluation(
-        _protocol(own),
+        describe_tracking(own),
         tuple(_curve(key, values) for key, values in sums.curves.items()),
-        tuple(_ends_score(kind, rows) for kind, rows in sums.ends.items()),
+        tuple(_ends_score(kind, rows) for kind, rows in sums.ends.items() if kind in found),
         tuple(
             Recovery(kind, how, len(values), sum(values))
             for (kind, how), values in sorted(sums.returns.items())
         ),
-        tuple(identity_scores(kind, own) for kind, own in parts.items() if own),
+        *_identity({kind: part for kind, part in parts.items() if kind in found}),
     )
 
 
-def read_sequences(store: Store, selection_id: str) -> Any:
+def _identity(
+    parts: Mapping[str, Sequence[SequenceSeries]],
+) -> tuple[tuple[IdentityScores, ...], str | None]:
+    """Return the scores of each kind, or none and why: the other scores do without the package."""
+    try:
+        return tuple(identity_scores(kind, part) for kind, part in parts.items()), None
+    except MissingEvidenceError as error:
+        return (), str(error)
+
+
+def read_sequences(store: Store, selection_id: str) -> Iterator[SequenceSeries]:
     """Yield every sequence with labelled objects, one at a time.
 
     Raises:
@@ -243,18 +163,18 @@ def _ends(
             for t in best
         )
     for tracklet in series:
-        first = _owner(sequence, tracklet, 0, own)
-        truth = _truth_of(sequence, first)
-        if truth is not None:
+        owner = _owner(sequence, tracklet, 0, own)
+        begun_on = _truth_of(sequence, owner)
+        if begun_on is not None:
             # An object may be labelled in fewer frames than it is there.
-            last = int(np.searchsorted(tracklet.frames, truth.frames[-1], side="right")) - 1
+            end = int(np.searchsorted(tracklet.frames, begun_on.frames[-1], side="right")) - 1
             begun += 1
-            kept += first == _owner(sequence, tracklet, last, own)
+            kept += owner == _owner(sequence, tracklet, end, own)
     return objects, held, throughout, begun, kept
 
 
 def _starts_on(tracklet: Series, truth: Series, first: int, own: TrackingSettings) -> bool:
-    """Whether a tracklet is on an object in its first frame, or began with it as early as could be."""
+    """Whether a tracklet is on an object in its first frame, or began with its true box."""
     if tracklet.object_id is not None:
         return tracklet.object_id == truth.name
     return overlap(tracklet, truth, first) >= own.iou
@@ -288,14 +208,12 @@ def _add_returns(sums: _Sums, sequence: SequenceSeries, kind: str, own: Tracking
         truth = _truth_of(sequence, tracklet.object_id)
         if truth is None or np.isnan(truth.visible_px).any():
             continue
-        for how, frame in _returned(sequence, truth, int(tracklet.frames[0]), own):
+        for how, frame in _returned(truth, int(tracklet.frames[0]), own):
             on_it = overlap(tracklet, truth, frame) >= own.iou
             sums.returns.setdefault((kind, how), []).append(on_it)
 
 
-def _returned(
-    sequence: SequenceSeries, truth: Series, start: int, own: TrackingSettings
-) -> list[tuple[str, int]]:
+def _returned(truth: Series, start: int, own: TrackingSettings) -> list[tuple[str, int]]:
     """Return how an object was hidden and the frame in which it is asked for, each time."""
     result = []
     hidden = truth.visible_px < own.hidden_px
@@ -307,42 +225,6 @@ def _returned(
         seen_before = gone > 0 and truth.frames[gone - 1] >= start
         in_sight = asked < len(hidden) and not hidden[place + 1 : asked + 1].any()
         if seen_before and in_sight:
-            middle = (gone + int(place)) // 2
-            how = "contained" if _is_contained(sequence, truth, middle) else "behind"
+            how = "contained" if any(truth.contained[gone : place + 1]) else "behind"
             result.append((how, int(truth.frames[asked])))
     return result
-
-
-def _is_contained(sequence: SequenceSeries, truth: Series, row: int) -> bool:
-    """Whether an object's centre lies in the box of another."""
-    x, y, z = truth.boxes[row, :3]
-    for other in sequence.of(TRUTH):
-        there = other.at(int(truth.frames[row]))
-        if other.name == truth.name or there < 0:
-            continue
-        box = other.boxes[there]
-        c, s = np.cos(box[6]), np.sin(box[6])
-        dx, dz = x - box[0], z - box[2]
-        along, across = abs(c * dx - s * dz), abs(s * dx + c * dz)
-        if along <= box[3] / 2 and across <= box[4] / 2 and abs(y - box[1]) <= box[5] / 2:
-            return True
-    return False
-
-
-def _protocol(own: TrackingSettings) -> str:
-    return "\n".join(
-        (
-            "Truth: labelled objects in frames that were built, inside the region of `evaluate`; "
-            f"one that shows fewer than {own.hidden_px} pixels is hidden. Overlap: rotated "
-            "footprints, as in `evaluate`.",
-            f"Overlap over time: from the true first box, {own.frames} frames; frames in which the "
-            "object is hidden or outside are left out, a tracklet that has ended scores 0.",
-            f"First to last: recall = objects that one tracklet is on (IoU {own.iou}) in their "
-            "first and last scored frame; precision = tracklets that end on the object that they "
-            "began on, of those that began on any.",
-            f"Recovered: IoU {own.iou} {own.returned_frames} frames after an object came back into "
-            "sight.",
-            "HOTA, CLEAR and identity: TrackEval's, on footprints; CLEAR and identity at IoU "
-            f"{own.iou}. Boxes on hidden or outside objects, and outside the region, are left out.",
-        )
-    )

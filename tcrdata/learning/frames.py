@@ -9,7 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from tcrdata import registry
 from tcrdata.errors import MissingEvidenceError, QueryError
@@ -25,7 +27,7 @@ from tcrdata.learning.training_queries import (
 from tcrdata.plan import ROUND
 from tcrdata.store import FileEntry, Store, open_store
 from tcrdata.store.arrays import decode_flow, decode_points
-from tcrdata.types import Dataset
+from tcrdata.types import Dataset, IntArray
 
 TABLES = ("labels", "selections", "sequences", "frames", "images", "sweeps", "point_evidence",
           "flows", "proposals", "confidences", "egomotions", "tracklets")  # fmt: skip
@@ -76,6 +78,12 @@ class Frames:
     def column(self, name: str) -> list[Any]:
         """Return one column of the query for all frames, in the query's order."""
         return list(self._rows[name].to_pylist())
+
+    def drives(self) -> IntArray:
+        """Return (N,) which drive each frame is of, numbered in the order of the query."""
+        names = pc.binary_join_element_wise(self._rows["dataset"], self._rows["sequence"], "/")
+        codes = names.combine_chunks().dictionary_encode().indices
+        return np.asarray(codes.to_numpy(zero_copy_only=False), dtype=np.int64)
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Return a frame: the query's columns, and what it reads.

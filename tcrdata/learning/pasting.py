@@ -61,7 +61,7 @@ def labelled_objects(cloud: Cloud, labels: LabelBoxes) -> list[tuple[int, Cloud]
     xyz = cloud.xyz[solid]
     inside = (
         (int(number), solid[points_in_box(xyz, labels.boxes[number], 0.1)])
-        for number in np.flatnonzero(labels.positive)
+        for number in np.flatnonzero(labels.positive & np.isfinite(labels.boxes).all(axis=1))
     )
     return [(n, cloud.chosen(members)) for n, members in inside if len(members) >= _FEWEST_POINTS]
 
@@ -183,6 +183,6 @@ def _directions(xyz: Float32Array) -> tuple[Float32Array, Float32Array, IntArray
     return azimuth, np.hypot(flat, xyz[:, 1]), column * 10_000 + line
 
 
-def _half_turn(angle: Float32Array) -> Float32Array:
+def _half_turn(angle: NDArray[np.floating]) -> Float32Array:
     """Return angles brought to [-pi, pi)."""
     return np.asarray((angle + np.pi) % (2 * np.pi) - np.pi, dtype=np.float32)

@@ -30,6 +30,7 @@ class FrameStream(IterableDataset[dict[str, Any]]):
         start: int = 0,
         epochs: int | None = 1,
         shuffle: bool = True,
+        drives_together: int = 8,
         rank: int = 0,
         world_size: int = 1,
         transform: Transform | None = None,
@@ -42,6 +43,8 @@ class FrameStream(IterableDataset[dict[str, Any]]):
             start: first position; all ranks together count positions from 0.
             epochs: passes over the frames; None never ends.
             shuffle: whether to shuffle; else the query's order.
+            drives_together: with more drives, so many at a time are shuffled into one another, and
+                the drives are shuffled: a store of a thousand is read with few files open.
             rank: of this process.
             world_size: number of such processes.
             transform: makes of each frame what is yielded; gets random numbers of its own.
@@ -52,6 +55,7 @@ class FrameStream(IterableDataset[dict[str, Any]]):
         self.start = start
         self.epochs = epochs
         self.shuffle = shuffle
+        self.drives_together = drives_together
         self.rank = rank
         self.world_size = world_size
         self.transform = transform
@@ -87,7 +91,12 @@ class FrameStream(IterableDataset[dict[str, Any]]):
     def _order(self, epoch: int) -> Any:
         if not self.shuffle:
             return np.arange(len(self.frames))
-        return np.random.default_rng([self.seed, epoch, 1]).permutation(len(self.frames))
+        rng = np.random.default_rng([self.seed, epoch, 1])
+        mixed = rng.permutation(len(self.frames))
+        drives = self.frames.drives()
+        places = rng.permutation(int(drives.max()) + 1)
+        together = places[drives[mixed]] // self.drives_together
+        return mixed[np.argsort(together, kind="stable")]
 
 
 def torch_dataset(

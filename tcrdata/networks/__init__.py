@@ -1,5 +1,6 @@
 """Torch modules alone, with what turns points and boxes into their inputs and targets, and back.
 
-A detector or segmenter is a module of this package with `KIND`, `Settings` and `make_network()`.
+A detector, segmenter or flow network is a module of this package with `KIND`, `Settings` and
+`make_network()`.
 Lengths are metres of a road scene: who calls divides by the sequence's metric scale.
 """

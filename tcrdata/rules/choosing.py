@@ -18,16 +18,24 @@ from tcrdata.store import schemas
 def choose(
     connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset], relations: Relations
 ) -> None:
-    """Make the table `chosen`: what each preset's select gives of its own survivors."""
+    """Make the table `chosen`: what each preset's select gives of its own survivors.
+
+    `number` is the survivor's row; `own` says whether the preset still took it.
+    """
     connection.execute(
-        "create or replace temp table chosen "
-        "(proposal_id varchar, state varchar, score double, place integer)"
+        "create or replace temp table chosen (proposal_id varchar, state varchar, score double, "
+        "place integer, number bigint, own boolean)"
     )
     for place, preset in enumerate(presets):
         own = f"(from survivors where alive & {1 << place} <> 0)"
         select = scoped(preset.select, preset.reads.tables, {**relations, "proposals": own})
         what = f"the select of preset {preset.name}"
-        run_sql(connection, f"insert into chosen select *, {place} from ({select}\n)", what)
+        numbered = (
+            f"select c.proposal_id, c.state, c.score, {place}, s.rowid, "
+            f"coalesce(s.alive & {1 << place}, 0) <> 0 from ({select}\n) c "
+            "left join survivors s on s.proposal_id = c.proposal_id"
+        )
+        run_sql(connection, f"insert into chosen {numbered}", what)
         _check_chosen(connection, place, what)
 
 
@@ -38,13 +46,13 @@ def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) 
         select min(proposal_id) filter (times > 1), min(proposal_id) filter (strange),
                min(proposal_id) filter (no_state), min(proposal_id) filter (no_score)
         from (
-            select c.proposal_id, count(*) as times,
-                   bool_or(coalesce(s.alive & {1 << place}, 0) = 0) as strange,
+            select any_value(proposal_id) as proposal_id, count(*) as times,
+                   bool_or(not own) as strange,
                    bool_or(state is null or state not in ('positive', 'ignore')) as no_state,
                    bool_or(score is null or not score between 0 and 1) as no_score
-            from chosen c left join survivors s using (proposal_id)
+            from chosen
             where place = {place}
-            group by c.proposal_id
+            group by number, if(number is null, proposal_id, null)
         )
         """
     ).fetchall()
@@ -80,7 +88,7 @@ def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPrese
     """Make the table `decided`: state and score of what becomes a label, and for which preset."""
     connection.execute(
         "create or replace temp table candidates as "
-        "select s.*, c.state, c.score, c.place from chosen c join survivors s using (proposal_id)"
+        "select s.*, c.state, c.score, c.place from chosen c join survivors s on s.rowid = c.number"
     )
     decided = "select proposal_id, state, score, carried, place from candidates where place = 0"
     if len(presets) > 1:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import duckdb
@@ -20,6 +20,7 @@ ALIVE = "(from survivors where alive <> 0)"
 """The proposals that some preset still takes."""
 
 _IN_HAND = ("survivors", "remaining", "chosen", "candidates", "decided")
+_ID = "proposal_id"
 _BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")  # what tells whether boxes share a place
 
 
@@ -58,11 +59,12 @@ def judge(
     alone = len(presets) == 1
     if not alone:  # one preset's own filter reaches the files; several together do not
         relations = _of_sources(connection, _opening(presets, panel, relations), relations)
-    before = _everybody(presets, panel, _columns(presets), relations)
+    before = _everybody(presets, panel, _columns(presets, panel), relations)
     left = rows if alone or not rows else count(connection, before)
-    for run in runs(panel):
+    for run, later in _with_later(runs(panel)):
         if left:
-            left = _keep_survivors(connection, run, before, left, relations)
+            columns = _columns(presets, later)
+            left = _keep_survivors(connection, run, columns, before, left, relations)
             if alone and before != ALIVE:
                 relations = _of_sources(connection, ALIVE, relations)
             before = ALIVE
@@ -86,19 +88,30 @@ def _everybody(
 
     `carried` has a bit for each rule that passed, `alive` one for each preset that none failed.
     """
-    read = ", ".join(name for name, *_ in schemas.columns("proposals") if name in columns)
     wide = "hugeint" if len(panel) > _BITS else "bigint"
+    everyone = (1 << len(presets)) - 1
     return (
-        f"(select {read}, 0::{wide} as carried, {(1 << len(presets)) - 1}::bigint as alive "
+        f"(select {_listed(columns)}, 0::{wide} as carried, {everyone}::bigint as alive "
         f"from {relations['proposals']})"
     )
 
 
-def _columns(presets: Sequence[FilledPreset]) -> set[str]:
-    """Columns of `proposals` that the rules or the presets' selects read, or a place takes."""
-    reads = [r for p in presets for r in (p.reads, *(rule.reads for rule in p.rules))]
+def _with_later(listed: Sequence[list[Seat]]) -> Iterator[tuple[list[Seat], list[Seat]]]:
+    """Each run, and the rules of all that come after it."""
+    for place, run in enumerate(listed):
+        yield run, [seat for later in listed[place + 1 :] for seat in later]
+
+
+def _columns(presets: Sequence[FilledPreset], rules: Sequence[Seat]) -> set[str]:
+    """Columns of `proposals` that some rules or the presets' selects read, or a place takes."""
+    reads = [*(preset.reads for preset in presets), *(seat.rule.reads for seat in rules)]
     read = {"source", *(name for r in reads for name in r.columns)}
     return read | set(_BOX) if len(presets) > 1 else read
+
+
+def _listed(columns: Collection[str]) -> str:
+    """Columns of `proposals` in the order of the schema."""
+    return ", ".join(name for name, *_ in schemas.columns("proposals") if name in columns)
 
 
 def _opening(presets: Sequence[FilledPreset], panel: Sequence[Seat], relations: Relations) -> str:
@@ -107,9 +120,8 @@ def _opening(presets: Sequence[FilledPreset], panel: Sequence[Seat], relations: 
     opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
     columns = {"source", *(name for seat in opening for name in seat.rule.reads.columns)}
     nameless = f"(select * replace ('' as proposal_id) from {relations['proposals']})"
-    after = _everybody(presets, panel, columns, {"proposals": nameless})
-    for seat in opening:
-        after = _after(seat, f"({_with_rows(seat, after, relations)})")
+    everybody = _everybody(presets, panel, columns, {"proposals": nameless})
+    after = _streamed(opening, everybody, relations)
     return f"(from {after} where alive <> 0)"
 
 
@@ -131,6 +143,7 @@ def _of_sources(
 def _keep_survivors(
     connection: duckdb.DuckDBPyConnection,
     run: Sequence[Seat],
+    columns: Collection[str],
     before: str,
     rows_before: int,
     relations: Relations,
@@ -138,15 +151,18 @@ def _keep_survivors(
     """Replace the survivors by what these rules leave alive; return how many that are.
 
     A rule that joins gives a row each: its rows are counted before the dead are passed over.
+    Only the columns given stay: what no later rule reads is not copied again.
     """
     what = "rule " + " or ".join(seat.rule.name for seat in run)
-    after = before
-    for seat in run:
-        judged = _with_rows if seat.rule.reads.passes_id else _joined
-        after = _after(seat, f"({judged(seat, after, relations)})")
-    streams = all(seat.streams for seat in run)
-    alive = " where alive <> 0" if streams else ""
-    run_sql(connection, f"create or replace temp table remaining as from {after}{alive}", what)
+    streams = run[0].streams
+    if streams:
+        after = _streamed(run, before, relations)
+    else:
+        (seat,) = run
+        after = _after(seat, f"({_judged(seat, before, relations)})")
+    remaining = f"select {_listed(columns)}, carried, alive from {after}"
+    remaining += " where alive <> 0" if streams else ""
+    run_sql(connection, f"create or replace temp table remaining as {remaining}", what)
     if not streams and (rows := count(connection, "remaining")) != rows_before:
         raise RuleError(
             f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
@@ -155,6 +171,28 @@ def _keep_survivors(
     connection.execute("drop table if exists survivors")
     connection.execute("alter table remaining rename to survivors")
     return count(connection, ALIVE)
+
+
+def _streamed(run: Sequence[Seat], before: str, relations: Relations) -> str:
+    """SQL of the rows after rules that go row by row.
+
+    A row travels through every rule as one value in the place of its id, beside what it carries;
+    each rule takes out of it the few columns that it reads.
+    """
+    states = f"(select s as kept, s.carried as carried, s.alive as alive from {before} s)"
+    for seat in run:
+        read = [f"kept.{name} as {name}" for name in seat.rule.reads.columns if name != _ID]
+        rows = f"(select {', '.join([f'state as {_ID}', *read])} from {states} state)"
+        verdicts = scoped(
+            seat.rule.select, seat.rule.reads.tables, {**relations, "proposals": rows}
+        )
+        states = (
+            "(select state.kept as kept, "
+            f"state.carried | case when passed then {1 << seat.number} else 0 end as carried, "
+            f"{seat.alive_after('state.alive')} as alive "
+            f"from (select {_ID} as state, passed from ({verdicts}\n)))"
+        )
+    return f"(select kept.* replace (carried as carried, alive as alive) from {states})"
 
 
 def _after(seat: Seat, verdicts: str) -> str:
@@ -176,6 +214,29 @@ def _with_rows(seat: Seat, before: str, relations: Relations) -> str:
     rule = seat.rule
     verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": rows})
     return f"select proposal_id as kept, passed from ({verdicts}\n)"
+
+
+def _judged(seat: Seat, before: str, relations: Relations) -> str:
+    """SQL of (kept, passed), the cheapest way that the rule allows."""
+    if not seat.rule.reads.passes_id:
+        return _joined(seat, before, relations)
+    if before == ALIVE:
+        return _by_number(seat, relations)
+    return _with_rows(seat, before, relations)
+
+
+def _by_number(seat: Seat, relations: Relations) -> str:
+    """As `_with_rows`, for a rule that joins: a row's number travels through it, not the row.
+
+    A number that is lost or doubled shows in the count of rows, as whole rows would.
+    """
+    rule = seat.rule
+    rows = "(select * replace (rowid as proposal_id) from survivors where alive <> 0)"
+    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": rows})
+    return (
+        f"select s as kept, v.passed from ({verdicts}\n) v "
+        "left join survivors s on s.rowid = v.proposal_id"
+    )
 
 
 def _joined(seat: Seat, before: str, relations: Relations) -> str:

@@ -36,7 +36,9 @@ class Seat:
 
 
 def seats(presets: Sequence[FilledPreset]) -> list[Seat]:
-    """Each rule text of some presets once, earliest place first.
+    """Each rule text of some presets once: those that go row by row first, then earliest place.
+
+    Rules say the same of a proposal whichever others judged it before, and joins see fewer rows.
 
     Args:
         presets: bit k of the masks stands for the k-th.
@@ -47,16 +49,16 @@ def seats(presets: Sequence[FilledPreset]) -> list[Seat]:
         for place, rule in enumerate(preset.rules):
             found.setdefault(rule.select, []).append((bit, rule))
             places[rule.select] = min(place, places.get(rule.select, place))
-    ordered = sorted(found, key=lambda text: places[text])
-    return [
+    earliest = [
         Seat(
             number,
             found[text][0][1],
             sum(1 << bit for bit, _ in found[text]),
             sum(1 << bit for bit, rule in found[text] if rule.required),
         )
-        for number, text in enumerate(ordered)
+        for number, text in enumerate(sorted(found, key=lambda text: places[text]))
     ]
+    return sorted(earliest, key=lambda seat: not seat.streams)
 
 
 def runs(panel: Sequence[Seat]) -> list[list[Seat]]:

@@ -41,9 +41,12 @@ def to_rows(table: str, columns: Mapping[str, Any], unit: Unit) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=schema)
 
 
-def repeated(text: str, count: int) -> pa.Array:
-    """A text `count` times, without the import of pandas that Arrow's own scalars bring."""
-    data = text.encode()
+def repeated(value: str | int, count: int) -> pa.Array:
+    """A text or an int32 `count` times, without pandas, which Arrow's own scalars import."""
+    if isinstance(value, int):
+        numbers = pa.py_buffer(np.full(count, value, dtype=np.int32))
+        return pa.Array.from_buffers(pa.int32(), count, [None, numbers])
+    data = value.encode()
     offsets = np.arange(count + 1, dtype=np.int32) * len(data)
     return pa.StringArray.from_buffers(count, pa.py_buffer(offsets), pa.py_buffer(data * count))
 
@@ -58,7 +61,7 @@ def _column(
         if own is not None and unit.dataset != ANY_DATASET:
             _check_key(table, field.name, array, own)
     elif own is not None:
-        array = pa.repeat(pa.scalar(own, type=field.type), count)
+        array = repeated(own, count)
     else:
         array = pa.nulls(count, type=field.type)
     if not field.nullable and array.null_count:

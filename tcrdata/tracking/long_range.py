@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
-import numba
 import numpy as np
 
+from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.library import Library
 from tcrdata.tracking.scenes import Scene, to_box
 from tcrdata.types import Float32Array, FloatArray
@@ -107,9 +108,13 @@ def score_paths(paths: Float32Array, volumes: Sequence[Volume]) -> FloatArray:
     return total / max(len(volumes), 1)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _sample(
-    values: Float32Array, low: Float32Array, inverse: float, points: Float32Array, out: FloatArray
+    values: Float32Array,
+    low: Float32Array,
+    inverse: np.floating[Any],
+    points: Float32Array,
+    out: FloatArray,
 ) -> None:
     for i in range(len(points)):
         a = (points[i, 0] - low[0]) * inverse

@@ -121,7 +121,7 @@ def _crossing(
 
 
 def to_box(points: FloatArray, box: FloatArray) -> FloatArray:
-    """Return (N, 3) world points along a box's length, down, and along its width, from its centre."""
+    """Return (N, 3) world points from a box's centre along its length, down, and its width."""
     c, s = math.cos(box[6]), math.sin(box[6])
     dx, dz = points[:, 0] - box[0], points[:, 2] - box[2]
     return np.column_stack([c * dx - s * dz, points[:, 1] - box[1], s * dx + c * dz])

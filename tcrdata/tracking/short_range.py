@@ -36,6 +36,7 @@ class ShortRangeSettings:
         least_points_share: points in the box over those last seen, times the visible share.
         least_points: fewer points say nothing.
         least_visible_share: a place that shows less is not searched.
+        update_sightings: a template learns from every so manieth sighting.
     """
 
     correlation: CorrelationSettings = field(default_factory=CorrelationSettings)
@@ -43,6 +44,7 @@ class ShortRangeSettings:
     least_points_share: float = 0.3
     least_points: int = 4
     least_visible_share: float = 0.25
+    update_sightings: int = 3
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,10 @@ class Correlation:
         least = own.least_points_share * template.points * seen.visible_share
         if pose.points < max(least, own.least_points):
             return None
-        target.template = updated(template, pose.box, scene.points, scene.features, own.correlation)
+        if target.sightings % own.update_sightings == 0:
+            target.template = updated(
+                template, pose.box, scene.points, scene.features, own.correlation
+            )
         return Match(pose.box, "correlation", min(pose.score, 1.0), pose.points, -1)
 
 
@@ -204,7 +209,7 @@ def ridden(target: Target, scene: Scene, candidate: int) -> FloatArray:
     """Return the (7,) box of a target that rides with a candidate."""
     found = scene.candidates.boxes[candidate]
     if not target.rigid:
-        box = found.copy()
+        box: FloatArray = found.copy()
         box[6] = target.box[6] + yaw_step(target.box[6], found[6])
         return box
     box = target.box.copy()

@@ -90,7 +90,7 @@ class Target:
         return np.asarray((end - start) / max(last - first, 1))
 
     def predicted(self, frame: int, still_m: float) -> FloatArray:
-        """Return the (7,) box at a frame: constant velocity; slower than `still_m` a frame stands."""
+        """Return the (7,) box at a frame: constant velocity; below `still_m` a frame it stands."""
         velocity = self.velocity
         box = self.box.copy()
         if float(np.linalg.norm(velocity)) > still_m:

@@ -8,11 +8,13 @@ points: the cross-correlation of the template with the (sparse) volume of the fr
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.scenes import to_box
 from tcrdata.types import Float32Array, FloatArray
 
@@ -34,7 +36,7 @@ class CorrelationSettings:
 
     voxel_m: float = 0.15
     margin_m: float = 0.3
-    most_points: int = 400
+    most_points: int = 160
     reach_m: float = 0.6
     yaw_rad: float = 0.07
     fade: float = 0.95
@@ -130,7 +132,7 @@ def correlate(
 ) -> Pose | None:
     """Return where a template fits best around a predicted (7,) box; None without points there.
 
-    Coarse steps of a voxel over the ground, up and down, then turns, then steps of a third and of a ninth.
+    Steps of a voxel over the ground, up and down; then turns; then steps of a third and a ninth.
     """
     reach = settings.reach_m
     half = box[[3, 5, 4]] / 2
@@ -153,15 +155,18 @@ def correlate(
     for offsets in (
         _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
         _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
-        _grid(*[np.arange(-2, 3) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
-        _grid(*[np.arange(-2, 3) * v / 9] * 3, np.zeros(1)),
+        _grid(*[np.arange(-1, 2) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
+        _grid(*[np.arange(-1, 2) * v / 9] * 3, np.zeros(1)),
     ):
         tried = best + offsets
         scores = _correlations(*args, tried.astype(np.float32))
-        scores = scores - cost * np.abs(tried[:, :3]).sum(axis=1)
+        way = np.abs(tried[:, :3]).sum(axis=1) + float(np.hypot(*half[[0, 2]])) * np.abs(
+            tried[:, 3]
+        )
+        scores = scores - cost * way
         best = tried[int(np.argmax(scores))]
     moved = _moved(box, best)
-    there, at = _near(moved, points, half)
+    there, at = _near(moved, points, half + v / 2)
     if not len(there):
         return None
     score = _correlations(
@@ -196,7 +201,7 @@ def _moved(box: FloatArray, offset: FloatArray) -> FloatArray:
     return result
 
 
-def _grid(*axes: FloatArray) -> FloatArray:
+def _grid(*axes: NDArray[np.floating[Any]]) -> FloatArray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
 
 
@@ -208,7 +213,7 @@ def _template(
     The blur is symmetric and nothing is clipped: a template fits its own points best where they
     are, not beside.
     """
-    volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant")
+    volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant", truncate=2.0)
     args = (local.astype(np.float32), features, volume, low.astype(np.float32),
             np.float32(1 / voxel_m))  # fmt: skip
     own = float(_correlations(*args, np.zeros((1, 4), np.float32))[0]) / len(local)
@@ -216,13 +221,13 @@ def _template(
     return Template(raw, volume, low, voxel_m, len(local))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _splat(
     raw: Float32Array,
     local: Float32Array,
     features: Float32Array,
     low: Float32Array,
-    inverse: float,
+    inverse: np.floating[Any],
 ) -> None:
     """Add features to the eight voxels around each point, by their nearness."""
     for i in range(len(local)):
@@ -242,13 +247,13 @@ def _splat(
                 raw[u + i0, v + i1, w + i2, c] += weight * features[i, c]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@compiled
 def _correlations(
     local: Float32Array,
     features: Float32Array,
     volume: Float32Array,
     low: Float32Array,
-    inverse: float,
+    inverse: np.floating[Any],
     poses: Float32Array,
 ) -> FloatArray:
     """Return the correlation of each pose (along, down, across, turn): trilinear, zero outside."""

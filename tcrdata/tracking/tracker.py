@@ -9,56 +9,20 @@ longest time out of sight, not by the sequence.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from tcrdata.geometry.boxes import bev_iou, points_in_box
-from tcrdata.tracking.assignment import Gates, assigned, cheapest
+from tcrdata.tracking.assignment import assigned, cheapest
 from tcrdata.tracking.hidden import Hidden, container_of, link_cost
 from tcrdata.tracking.library import Library, basic_library, cut, joined
 from tcrdata.tracking.long_range import Hypotheses, Volume, make_volume, sample
 from tcrdata.tracking.scenes import Scene, look
 from tcrdata.tracking.short_range import Match, ShortRange
 from tcrdata.tracking.targets import Found, Sighting, Target
+from tcrdata.tracking.tracker_settings import TrackerSettings
 from tcrdata.types import BoolArray, FloatArray
-
-
-@dataclass(frozen=True)
-class TrackerSettings:
-    """When objects are lost, found again, and new; metres are multiplied by the metric scale.
-
-    Attributes:
-        near: how far candidates may be from predictions.
-        still_m: slower than this, in metres a frame, an object stands.
-        link_gate_m: largest distance of what comes into sight from the end of a path.
-        misses_frames: without a library, frames after which a target that is not found ends.
-        hidden_frames: with one, the longest time out of sight.
-        least_passable: mean p of a path that an object may have taken.
-        contained_share: a target that shows less than this may be inside another.
-        young_frames: a target this young may turn out to be one that came back.
-        overlap_iou: a candidate that overlaps a target more is no new one.
-        margin_m: a return this much nearer hides what is behind it.
-        voxel_m: of the volumes.
-        speed_m: a first speed that differs by this, in metres a frame, costs a tenth of p.
-    """
-
-    near: Gates = field(default_factory=Gates)
-    still_m: float = 0.04
-    link_gate_m: float = 1.6
-    misses_frames: int = 3
-    hidden_frames: int = 40
-    least_passable: float = 0.99
-    contained_share: float = 0.5
-    young_frames: int = 5
-    overlap_iou: float = 0.1
-    margin_m: float = 0.4
-    voxel_m: float = 0.4
-    speed_m: float = 0.3
-
-    def scaled(self, metric_scale: float) -> TrackerSettings:
-        """Return the settings with metres of this world."""
-        return replace(_scaled(self, metric_scale), near=_scaled(self.near, metric_scale))
 
 
 @dataclass(frozen=True)
@@ -329,13 +293,3 @@ class Tracker:
 def _handed_on(target: Target, *, over: bool) -> Finished:
     rows, target.rows = tuple(target.rows), []
     return Finished(target.number, target.object_id, rows, over)
-
-
-def _scaled(settings: object, metric_scale: float) -> object:
-    """Return settings with every field in metres multiplied."""
-    metres = {
-        f.name: getattr(settings, f.name) * metric_scale
-        for f in fields(settings)
-        if f.name.endswith("_m")
-    }
-    return replace(settings, **metres)

@@ -11,12 +11,12 @@ from tcrdata.datasets.flow_files import (
     read_flo,
     read_flow_file,
     read_kitti_flow,
+    read_ppm,
     write_flo,
     write_kitti_flow,
     write_ppm,
 )
 from tcrdata.datasets.flow_pairs import find_flow_pairs
-from tcrdata.datasets.image_files import read_rgb
 from tcrdata.errors import DatasetError
 
 
@@ -70,7 +70,19 @@ def test_kitti_refuses_what_does_not_fit(tmp_path: Path) -> None:
 def test_ppm_is_kept_to_the_bit(tmp_path: Path) -> None:
     image = np.random.default_rng(0).integers(0, 256, (4, 6, 3), dtype=np.uint8)
     write_ppm(tmp_path / "a.ppm", image)
-    np.testing.assert_array_equal(read_rgb(tmp_path / "a.ppm"), image)
+    np.testing.assert_array_equal(read_ppm(tmp_path / "a.ppm"), image)
+
+
+def test_a_ppm_that_others_wrote_is_read_and_a_damaged_one_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.ppm"
+    path.write_bytes(b"P6\n# made by hand\n1 2\n255\n" + bytes(range(6)))
+    np.testing.assert_array_equal(read_ppm(path), np.arange(6).reshape(2, 1, 3))
+    path.write_bytes(b"P6 1 2 255\n" + bytes(5))
+    with pytest.raises(DatasetError, match="16 bytes, not 17 for 1x2"):
+        read_ppm(path)
+    path.write_bytes(b"P5 1 2 255\n" + bytes(6))
+    with pytest.raises(DatasetError, match=r"no binary \.ppm"):
+        read_ppm(path)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -132,3 +133,34 @@ def test_the_largest_heat_in_the_footprint_counts() -> None:
     heat[5, 4], heat[0, 0] = 0.8, 1.0
     boxes = np.array([[0.0, 1, 4.0, 1.0, 4.0, 1.5, 0.0], [0, 1, 40, 4, 2, 1, 0]], dtype=float)
     assert footprint_heat(heat, boxes, region) == [pytest.approx(0.8), None]
+
+
+def test_points_have_the_features_that_the_heads_get(world: Store) -> None:
+    """Templates are correlated in them: alike at one place, and none outside of the region."""
+    from tcrdata.evidence.detector_features import detector_features
+    from tcrdata.evidence.point_rows import read_encoded
+    from tcrdata.track_plans import detector_of
+
+    sequence = sequence_of(world)
+    dataset = registry.find("datasets", "kitti").open_dataset(
+        world.read("sequences")["root"][0].as_py()
+    )
+    frame = next(iter(frames_of(world, "kitti", sequence)))
+    cloud = dataset.read_points(frame)
+    tables = world.tables("kitti", sequence, 1)
+    (row,) = world.read("models").to_pylist()
+    (weights,) = world.read("weights", model_id=row["model_id"], part="average").to_pylist()
+    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
+    model = objectness3d.Model(row["model_id"], row["network"], plain, weights["data"])
+    known = {name: read_encoded(tables, frame.frame, name) for name in objectness3d.EVIDENCE}
+    found = detector_features(model, frame, cloud, known, 1.0)
+    assert found is not None
+    assert len(found) == len(cloud)
+    assert found.shape[1] > 2
+    far = np.abs(cloud.xyz[:, 0]) > 60
+    assert not found[far].any()
+    near = (np.abs(cloud.xyz[:, 0]) < 5) & (cloud.xyz[:, 2] > 5) & (cloud.xyz[:, 2] < 20)
+    assert np.ptp(found[near], axis=0).max() > 0
+    assert detector_features(model, frame, cloud, {}, 1.0) is None
+    assert detector_of(world, 1) == row["model_id"]
+    assert detector_of(world, 0) == ""

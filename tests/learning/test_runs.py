@@ -15,6 +15,7 @@ from tcrdata.learning.checkpoints import model_rows, read_weights
 from tcrdata.learning.runs import plan_recipe, run_training
 from tcrdata.learning.training import Report, one_cycle
 from tcrdata.store import Store
+from tcrdata.trainings import unheard_presets
 
 SEGMENTER = {"steps": "2", "batch": "1", "workers": "0", "network.width": "8"}
 
@@ -173,3 +174,9 @@ def test_the_commands_train_and_show_models(tmp_path: Path) -> None:
     assert shown["model_id"] in done("models", "--store", store.url).out
     line = refused("train", "detector", "--store", store.url, "--selection", "nobody", *sets)
     assert "no selection 'nobody'" in line
+
+
+def test_a_training_that_would_take_parked_cars_for_background_says_so(world: Store) -> None:
+    assert unheard_presets(world, SELECTION) == []
+    select_by_hand(world, "motion", [], preset="tcrdata")
+    assert unheard_presets(world, "motion") == ["tcrdata_static"]

@@ -77,6 +77,36 @@ def test_the_order_is_that_of_one_process_whatever_the_number_of_workers(
     assert frames_in(loader) == frames_in(stream)
 
 
+class ManyDrives:
+    """Six drives of four frames each, one after the other."""
+
+    def __len__(self) -> int:
+        return 24
+
+    def drives(self) -> np.ndarray:
+        return np.arange(24) // 4
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        return {"frame": number}
+
+
+def test_of_many_drives_a_few_are_shuffled_at_a_time() -> None:
+    def order(**settings: Any) -> list[int]:
+        return frames_in(FrameStream(ManyDrives(), drives_together=2, **settings))
+
+    listed = order(seed=1, epochs=2)
+    parts = [listed[i : i + 8] for i in range(0, 48, 8)]
+    drives = [tuple(sorted({number // 4 for number in part})) for part in parts]
+    assert all(
+        len(pair) == 2 and len(set(part)) == 8 for pair, part in zip(drives, parts, strict=True)
+    )
+    assert sorted(listed[:24]) == sorted(listed[24:]) == list(range(24))
+    assert drives[:3] != drives[3:], "the drives are shuffled, too"
+    assert any(part != sorted(part) for part in parts)
+    assert order(seed=1, epochs=2, start=29) == listed[29:]
+    assert order(seed=2, epochs=2) != listed
+
+
 def test_ranks_share_the_frames_without_overlap(store: Store) -> None:
     frames = open_frames(store, KEYS)
     whole = list(FrameStream(frames, seed=2, epochs=2))
@@ -146,7 +176,7 @@ def test_a_wrong_query_is_named(store: Store, query: str, message: str) -> None:
 
 
 def test_an_unknown_query_says_which_there_are(store: Store) -> None:
-    with pytest.raises(SettingsError, match="detector, segmenter"):
+    with pytest.raises(SettingsError, match="detector, flow, segmenter"):
         tcrdata.torch_dataset(store.url, "detectors")
 
 

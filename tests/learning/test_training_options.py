@@ -11,6 +11,7 @@ import socket
 import struct
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 from cli_runs import done, refused
@@ -136,11 +137,11 @@ def learn_as(rank: int, port: int, url: str, out: str) -> None:
     made: list[Learner] = []
 
     class Watched(Learner):
-        def __init__(self, *arguments: object) -> None:
-            super().__init__(*arguments)  # type: ignore[arg-type]
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
             made.append(self)
 
-    training.Learner = Watched  # type: ignore[misc]
+    training.Learner = Watched
     recipe = plan_recipe("detector", {**TINY, "steps": "2", "batch": "1"})
     said: list[int] = []
     model, progress = run_training(

@@ -1,0 +1,141 @@
+"""Tracking a generated table through the command line: resumable, and truth stays where it is."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cli_runs import done, refused
+from store_files import digests
+
+from tcrdata.rules.binding import EVIDENCE_TABLES
+from tcrdata.store import Store, open_store
+from tcrdata.track_plans import plan_tracking
+
+SCENE = "seed=3,frames=6,sequences=1"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Labels of a preset, not tracked yet."""
+    store = tmp_path_factory.mktemp("track") / "built"
+    done("build", "--dataset", "demo", "--root", SCENE, "--store", store, "--preset", "tabletop",
+         "--workers", 1)  # fmt: skip
+    return store
+
+
+@pytest.fixture(scope="module")
+def tracked(built: Path) -> Path:
+    """The same, tracked from labels and from truth."""
+    store = built.parent / "tracked"
+    shutil.copytree(built, store)
+    done("track", "--store", store, "--workers", 1)
+    return store
+
+
+def rows(store: Path, table: str, **equals: Any) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = open_store(str(store)).read(table, **equals).to_pylist()
+    return found
+
+
+def test_labels_become_tracklets_with_and_without_the_library(tracked: Path) -> None:
+    labels = rows(tracked, "labels", state="positive")
+    for library in (False, True):
+        own = rows(tracked, "tracklets", library=library)
+        assert {row["proposal_id"] for row in own} >= {row["proposal_id"] for row in labels}
+        assert len({(row["tracklet_id"], row["frame"]) for row in own}) == len(own)
+        assert all(0 <= row["visible_share"] <= 1 for row in own)
+    assert {row["frames"] for row in rows(tracked, "trajectories")} == {6}
+
+
+def test_tracking_again_does_nothing(tracked: Path) -> None:
+    before = digests(tracked)
+    assert "nothing to do: all 3 units were done already" in done(
+        "track", "--store", tracked, "--workers", 1
+    ).err  # fmt: skip
+    assert digests(tracked) == before
+
+
+def test_a_tracking_that_was_killed_ends_byte_equal(tracked: Path, tmp_path: Path) -> None:
+    """What is left of a killed one: files, but no record."""
+    store = tmp_path / "killed"
+    shutil.copytree(tracked, store)
+    for name in ("tracklets_library", "tracklet_boxes"):
+        (record,) = store.glob(f"commits/demo/*/{name}.r1.g1.json")
+        record.unlink()
+    done("track", "--store", store, "--workers", 1)
+    assert digests(store) == digests(tracked)
+
+
+def test_what_began_with_truth_reaches_no_label(built: Path, tracked: Path, tmp_path: Path) -> None:
+    """Its rows lie in a table of their own that nothing that makes labels can read."""
+    assert "truth_tracklets" not in EVIDENCE_TABLES
+    store = tmp_path / "truth"
+    shutil.copytree(built, store)
+    done("track", "--store", store, "--init-from", "truth", "--library", "off", "--workers", 1)
+    assert rows(store, "truth_tracklets")
+    before, after = (open_store(str(s)) for s in (built, store))
+    for table in ("proposals", "confidences", "tracklets", "trajectories", "labels"):
+        assert after.read(table).equals(before.read(table)), table
+    again = done("check", "--store", store, "--preset", "tabletop", "--json").json
+    assert again["selection_id"] == before.newest_selection()
+
+
+def test_tracklets_are_proposals_that_a_rule_can_take(tracked: Path) -> None:
+    own = rows(tracked, "proposals", source="tracklet")
+    tracklets = rows(tracked, "tracklets", library=True)
+    assert len(own) == len(tracklets)
+    assert {row["track_id"] for row in own} == {row["tracklet_id"] for row in tracklets}
+    found = {row["proposal_id"]: row for row in rows(tracked, "confidences", module="tracklet")}
+    assert found.keys() == {row["proposal_id"] for row in own}
+
+
+def test_scores_and_pictures(tracked: Path, tmp_path: Path) -> None:
+    store = tmp_path / "scored"
+    shutil.copytree(tracked, store)
+    done("track", "--store", store, "--init-from", "truth", "--library", "off", "--workers", 1)
+    result = done("evaluate", "tracking", "--store", store, "--json", "--out", tmp_path / "png")
+    curve = next(c for c in result.json["curves"] if c["subset"] == "all")
+    assert curve["iou"][0] == pytest.approx(1.0)
+    assert min(value for value in curve["iou"][:6]) > 0.6
+    assert sorted(path.name for path in (tmp_path / "png").iterdir()) == [
+        "overlap.png",
+        "timeline_table_0000.png",
+    ]
+    text = done("evaluate", "tracking", "--store", store).out
+    assert "from the first to the last frame" in text
+
+
+def test_tracklets_are_exported(tracked: Path, tmp_path: Path) -> None:
+    done("export", "mot", "--tracklets", "--store", tracked, "--out", tmp_path / "mot")
+    lines = (tmp_path / "mot" / "table_0000.txt").read_text().splitlines()
+    assert len(lines) == len(rows(tracked, "tracklets", library=True))
+    message = refused("export", "coco", "--tracklets", "--store", tracked, "--out", tmp_path / "c")
+    assert "export kitti-tracking or mot" in message
+
+
+def test_a_library_of_zero_entries_still_follows(built: Path, tmp_path: Path) -> None:
+    store = tmp_path / "zero"
+    shutil.copytree(built, store)
+    done("track", "--store", store, "--set", "library_entries.min_passable=2", "--workers", 1)
+    assert rows(store, "tracklets", library=True)
+
+
+def test_what_cannot_be_tracked_is_said(built: Path, tmp_path: Path) -> None:
+    store = tmp_path / "empty"
+    shutil.copytree(built, store)
+    opened: Store = open_store(str(store))
+    done("check", "--store", store, "--preset", "tabletop", "--set", "min_points=1000000",
+         "--name", "empty")  # fmt: skip
+    message = refused("track", "--store", store, "--selection", "empty", "--workers", 1)
+    assert "has no label to track" in message
+    assert opened.newest_selection("tabletop")
+    assert "did you mean gates" in refused("track", "--store", store, "--selection", "tabletop",
+                                           "--set", "gate.still_m=1")  # fmt: skip
+    assert "to begin with" not in str(
+        plan_tracking(opened, str(opened.newest_selection("tabletop")), start="truth")
+    )
+    message = refused("evaluate", "tracking", "--store", store, "--selection", "tabletop")
+    assert "nothing was tracked yet" in message
