@@ -44,7 +44,7 @@ from tcrdata.store import Store
 
 KIND, NETWORK = "flow", "raft"
 SCRATCH_LOOP = LoopSettings(
-    steps=1200, batch=2, learning_rate=6e-4, weight_decay=1e-4, clip=1.0, average=0.995
+    steps=3000, batch=2, learning_rate=6e-4, weight_decay=1e-4, clip=1.0, average=0.995
 )
 TAUGHT_LOOP = LoopSettings(
     steps=200, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50

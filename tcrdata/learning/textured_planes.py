@@ -22,6 +22,7 @@ class PlaneSettings:
         height_px: of the images.
         width_px: of the images.
         planes: at most so many before the background.
+        still: share of the pairs whose background does not move, as before a camera that stands.
         shift_px: scale of a plane's shift; half of all shifts are smaller.
         turn_rad: largest turn in the image.
         zoom: largest change of size, as a share.
@@ -33,6 +34,7 @@ class PlaneSettings:
     height_px: int = 128
     width_px: int = 192
     planes: int = 5
+    still: float = 0.2
     shift_px: float = 8.0
     turn_rad: float = 0.1
     zoom: float = 0.1
@@ -69,7 +71,8 @@ def textured_planes(settings: PlaneSettings, rng: np.random.Generator) -> FlowPa
     height, width = settings.height_px, settings.width_px
     first, second = (np.zeros((height, width, 3), np.float32) for _ in range(2))
     flow = np.zeros((height, width, 2), np.float32)
-    background = _motion(settings, settings.shift_px, rng)
+    moving = rng.random() >= settings.still
+    background = _motion(settings, settings.shift_px, rng) if moving else np.eye(3)
     for number in range(int(rng.integers(0, settings.planes + 1)) + 1):
         own = np.eye(3) if number == 0 else _motion(settings, settings.shift_px, rng)
         moved = own @ background if rng.random() < 0.7 else own

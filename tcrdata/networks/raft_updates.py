@@ -128,6 +128,9 @@ class FlowHead(nn.Module):
         super().__init__()
         self.conv1 = nn.Conv2d(hidden, width, 3, padding=1)
         self.conv2 = nn.Conv2d(width, 2, 3, padding=1)
+        # What has learnt nothing yet says that nothing moves.
+        nn.init.zeros_(self.conv2.weight)
+        nn.init.zeros_(self.conv2.bias)
 
     def forward(self, state: torch.Tensor) -> torch.Tensor:
         """(B, hidden, H, W) to (B, 2, H, W)."""

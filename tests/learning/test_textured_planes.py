@@ -7,12 +7,12 @@ import pytest
 from tcrdata.errors import SettingsError
 from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
 
-STILL = PlaneSettings(height_px=64, width_px=96, brightness=0.0, noise=0.0)
+CLEAN = PlaneSettings(height_px=64, width_px=96, brightness=0.0, noise=0.0, still=0.0)
 
 
 def test_the_second_image_shows_what_the_flow_says() -> None:
     for seed in range(4):
-        pair = textured_planes(STILL, np.random.default_rng(seed))
+        pair = textured_planes(CLEAN, np.random.default_rng(seed))
         rows, columns = np.indices(pair.known.shape, dtype=np.float32)
         ends = np.dstack([columns, rows]) + pair.flow
         warped = cv2.remap(pair.second, ends, None, cv2.INTER_LINEAR)
@@ -21,6 +21,11 @@ def test_the_second_image_shows_what_the_flow_says() -> None:
         left = np.abs(pair.first - warped)[inside]
         assert np.median(left) < 0.3 * np.median(moved)
         assert np.percentile(np.linalg.norm(pair.flow, axis=2), 90) > 1
+
+
+def test_a_background_that_stands_has_no_flow() -> None:
+    own = PlaneSettings(height_px=64, width_px=96, planes=0, still=1.0)
+    assert not textured_planes(own, np.random.default_rng(0)).flow.any()
 
 
 def test_the_same_numbers_draw_the_same_pair() -> None:

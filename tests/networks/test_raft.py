@@ -46,8 +46,18 @@ def published_state(size: str) -> dict[str, torch.Tensor]:
 
 @pytest.fixture(scope="module")
 def networks() -> dict[str, Raft]:
+    """Of random weights, the last ones too, which begin as zeros."""
     torch.manual_seed(0)
-    return {size: Raft(Settings(size=size, iterations=2)).eval() for size in SIZES}
+    made = {size: Raft(Settings(size=size, iterations=2)).eval() for size in SIZES}
+    for network in made.values():
+        torch.nn.init.normal_(network.update_block.flow_head.conv2.weight, std=0.02)
+    return made
+
+
+def test_what_has_learnt_nothing_says_that_nothing_moves() -> None:
+    with torch.inference_mode():
+        flow = Raft(Settings(iterations=2)).eval()(pair_of(64, 64))["flow"]
+    assert not flow.any()
 
 
 def pair_of(height: int, width: int, batch: int = 1) -> torch.Tensor:
@@ -118,6 +128,7 @@ def test_an_odd_size_is_padded_with_its_edges(networks: dict[str, Raft], size: s
     with torch.inference_mode():
         own, whole = networks[size](pair)["flow"], networks[size](padded)["flow"]
     assert own.shape == (1, 1, 2, 67, 101)
+    assert own.abs().mean() > 0.1
     torch.testing.assert_close(own, whole[..., 2:-3, 1:-2])
 
 
