@@ -6,7 +6,6 @@ With the library, every sequence is then tracked once more, and the long range l
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -14,8 +13,7 @@ from typing import Any
 
 from tcrdata import __version__, registry, settings
 from tcrdata.errors import DatasetError, EvidenceError, MissingEvidenceError
-from tcrdata.evidence.models import ModelChoice, chosen_model, model_weights
-from tcrdata.evidence.objectness3d import Model
+from tcrdata.evidence.models import Model, ModelChoice, read_model
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import ROUND
@@ -111,10 +109,7 @@ def _model(store: Store, plan: TrackPlan) -> Model | None:
     """Return the detector whose features are correlated; None without one."""
     if not plan.model:
         return None
-    wanted = ModelChoice("detector", plan.model, "", plan.round)
-    row = chosen_model(store, wanted)
-    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
-    return Model(plan.model, row["network"], plain, model_weights(store, wanted, plan.model))
+    return read_model(store, ModelChoice("detector", plan.model, "", plan.round))
 
 
 def _dataset(store: Store, dataset: str, sequence: str) -> Any:

@@ -13,7 +13,8 @@ from tcrdata.errors import FrameError, MissingEvidenceError
 from tcrdata.evidence.detector_features import detector_features
 from tcrdata.evidence.ground import Settings as PlaneSettings
 from tcrdata.evidence.ground import ground_plane
-from tcrdata.evidence.objectness3d import EVIDENCE, Model
+from tcrdata.evidence.models import Model
+from tcrdata.evidence.objectness3d import EVIDENCE
 from tcrdata.evidence.point_rows import decode_matching, read_encoded
 from tcrdata.evidence.poses import Poses, read_poses
 from tcrdata.evidence.range_images import (
@@ -127,7 +128,7 @@ class SceneSource:
         """Return (N,) which points are the ground's: as measured, else those near the table."""
         ground = read_encoded(self.tables, number, "ground", round=ROUND)
         if ground is not None:
-            return decode_matching(ground, len(cloud)).astype(bool)
+            return np.asarray(decode_matching(ground, len(cloud)), dtype=bool)
         if self.plane is None:
             return np.zeros(len(cloud), dtype=bool)
         a, b, c = self.plane
@@ -142,7 +143,8 @@ class SceneSource:
             found = detector_features(self.model, frame, cloud, known, self.metric_scale)
             if found is not None:
                 ones = np.ones((len(cloud), 1), np.float32)
-                return unit(np.column_stack([ones, unit(found)]))[kept]
+                both: Float32Array = unit(np.column_stack([ones, unit(found)]))
+                return both[kept]
         if self.sensor == "depth" and frame.has_image and cloud.pixels is not None:
             try:
                 image = self.dataset.read_image(frame)

@@ -8,7 +8,14 @@ import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # Each takes longest as a whole: what begins first does not keep the last process waiting.
-LONGEST = ("test_rounds", "test_notebooks", "test_readme", "test_damage", "test_damaged_input")
+LONGEST = (
+    "test_rounds",
+    "test_notebooks",
+    "test_cli",
+    "test_damaged_input",
+    "test_damage",
+    "test_readme",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from tcrdata.evidence.objectness3d import EVIDENCE, Model
+from tcrdata.evidence.models import Model, network_of
+from tcrdata.evidence.objectness3d import EVIDENCE
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching
 from tcrdata.types import Float32Array, Frame, ImageArray, PointCloud
 
@@ -41,7 +40,7 @@ def detector_features(
     from tcrdata.networks.grids import Sweep, pixel_colours
 
     torch.set_num_threads(1)
-    trained = _network(model)
+    trained = network_of(model)
     known = {name: decode_matching(evidence[name], len(cloud)) for name in EVIDENCE}
     scale = np.float32(metric_scale)
     colours = pixel_colours(image, frame, cloud.xyz)
@@ -64,12 +63,3 @@ def detector_features(
     cells, inside = region.cells(sweep.xyz[:, 0], sweep.xyz[:, 2])
     flat = features.reshape(len(features), -1).numpy().T
     return np.ascontiguousarray(np.where(inside[:, None], flat[cells], 0.0), dtype=np.float32)
-
-
-@lru_cache(maxsize=1)
-def _network(model: Model) -> Any:
-    """Return the network of a model; made once a process."""
-    from tcrdata.networks.trained import trained_network
-
-    what = f"model {model.model_id}"
-    return trained_network(model.network, json.loads(model.plain), model.weights, what)

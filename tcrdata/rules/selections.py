@@ -15,7 +15,7 @@ from tcrdata.rules.presets import FilledPreset, Preset
 from tcrdata.rules.rounds import rounds_read
 from tcrdata.rules.selection_rows import Run, decided_by, selection_rows
 from tcrdata.rules.unfinished import lacking_stages, missing_evidence
-from tcrdata.store import FileEntry, Store, Unit
+from tcrdata.store import FileEntry, Snapshot, Store, Unit
 from tcrdata.store.commits import ANY_DATASET
 from tcrdata.store.writer import Writer
 
@@ -85,13 +85,7 @@ def select(
     if unfinished and not leave_out_unfinished:
         raise missing_evidence(store, filled, *unfinished[0])
     frozen = store.snapshot(snapshot) if snapshot else store.freeze(None, EVIDENCE_TABLES)
-    files = [
-        entry
-        for entry in frozen.files
-        if entry.table in EVIDENCE_TABLES
-        and entry.unit.round in rounds_read(round)
-        and not lacking.get((entry.unit.dataset, entry.unit.sequence), filled.cues)
-    ]
+    files = _files_read(frozen, lacking, filled, round)
     evidence = _digest_of(files)
     identity = _identity(filled, evidence, round)
     unit = Unit(STAGE, ANY_DATASET, identity[:16], round)
@@ -104,6 +98,22 @@ def select(
         unit.sequence, run.name, row["preset"], round, row["snapshot"], row["proposals_judged"],
         row["labels"], row["ignored"], made,
     )  # fmt: skip
+
+
+def _files_read(
+    frozen: Snapshot,
+    lacking: Mapping[tuple[str, str], list[str]],
+    preset: FilledPreset,
+    round: int,
+) -> list[FileEntry]:
+    """The files that the rules of a round see, of sequences that lack no stage."""
+    return [
+        entry
+        for entry in frozen.files
+        if entry.table in EVIDENCE_TABLES
+        and entry.unit.round in rounds_read(round)
+        and not lacking.get((entry.unit.dataset, entry.unit.sequence), preset.cues)
+    ]
 
 
 def _make(store: Store, run: Run, identity: str, evidence: str) -> bool:

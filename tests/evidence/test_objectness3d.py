@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +137,7 @@ def test_the_largest_heat_in_the_footprint_counts() -> None:
 def test_points_have_the_features_that_the_heads_get(world: Store) -> None:
     """Templates are correlated in them: alike at one place, and none outside of the region."""
     from tcrdata.evidence.detector_features import detector_features
+    from tcrdata.evidence.models import ModelChoice, read_model
     from tcrdata.evidence.point_rows import read_encoded
     from tcrdata.track_plans import detector_of
 
@@ -148,10 +148,7 @@ def test_points_have_the_features_that_the_heads_get(world: Store) -> None:
     frame = next(iter(frames_of(world, "kitti", sequence)))
     cloud = dataset.read_points(frame)
     tables = world.tables("kitti", sequence, 1)
-    (row,) = world.read("models").to_pylist()
-    (weights,) = world.read("weights", model_id=row["model_id"], part="average").to_pylist()
-    plain = json.dumps(json.loads(row["settings"])["network"], sort_keys=True)
-    model = objectness3d.Model(row["model_id"], row["network"], plain, weights["data"])
+    model = read_model(world, ModelChoice("detector", detector_of(world, 1), "", 1))
     known = {name: read_encoded(tables, frame.frame, name) for name in objectness3d.EVIDENCE}
     found = detector_features(model, frame, cloud, known, 1.0)
     assert found is not None
@@ -162,5 +159,5 @@ def test_points_have_the_features_that_the_heads_get(world: Store) -> None:
     near = (np.abs(cloud.xyz[:, 0]) < 5) & (cloud.xyz[:, 2] > 5) & (cloud.xyz[:, 2] < 20)
     assert np.ptp(found[near], axis=0).max() > 0
     assert detector_features(model, frame, cloud, {}, 1.0) is None
-    assert detector_of(world, 1) == row["model_id"]
+    assert detector_of(world, 1) == model.model_id
     assert detector_of(world, 0) == ""

@@ -39,6 +39,7 @@ def test_first_rounds_name_who_selects_after_them() -> None:
         "tabletop": "tabletop_learned",
         "tcrdata": "tcrdata_learned",
         "tcrdata_static": "tcrdata_learned",
+        "tcrdata_tracked": "tcrdata_learned",
     }
     learnt = [load_preset(name) for name in after.values()]
     assert all(any(map(speaks_anew, preset.cues)) for preset in learnt)
