@@ -13,7 +13,7 @@ from tcrdata.evidence.flow_cycle import measure
 from tcrdata.evidence.flow_estimators import Estimator
 from tcrdata.learning.frames import Frames
 from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
-from tcrdata.types import BoolArray, Float32Array, ImageArray
+from tcrdata.types import BoolArray, Float32Array, ImageArray, IntArray
 
 LEARNT, HELD_OUT = "learnt", "held out"
 
@@ -31,6 +31,10 @@ class GeneratedPairs:
     def column(self, name: str) -> list[Any]:  # noqa: ARG002
         """Return a column of the pairs: there are no labels among them."""
         return [0]
+
+    def drives(self) -> IntArray:
+        """Return which drive each pair is of: there is one."""
+        return np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,10 @@ class StoredPairs:
         """Return a column of the query for all pairs."""
         values = self._frames.column(name)
         return [values[place] for place in self._numbers]
+
+    def drives(self) -> IntArray:
+        """Return which drive each pair is of, by number."""
+        return self._frames.drives()[self._numbers]
 
     @cached_property
     def _numbers(self) -> list[int]:
