@@ -5,8 +5,8 @@
 -- rules: source, travels, core_share, box_core_share, enough_points, height, range,
 --   not_overlapped, near_observation, extended_points, static_length, static_width, static_height,
 --   static_edge_share, static_points, static_age, static_core_share, static_objectness,
---   detected_age, detected_share, detected_score, detected_core_share, detected_points,
---   cycle_error, alignment
+--   detected_age, detected_share, detected_score, detected_length, detected_core_share,
+--   detected_points, cycle_error, alignment
 -- required: source, alignment
 -- cues: odometry, tracks, static_clusters, objectness3d, detected_objects
 -- ignore: tcrdata_static, detector_faint
@@ -20,7 +20,7 @@
 --   min_edge_share = 0.35, min_static_points = 6, min_static_age_frames = 3,
 --   max_static_core_share = 0.2, min_static_objectness = 0.05,
 --   min_detected_age_frames = 2, min_visible_share = 0.1, min_best_half_score = 0.1,
---   max_detected_core_share = 0.5, min_detected_points = 1
+--   min_detected_length_m = 0.3, max_detected_core_share = 0.5, min_detected_points = 1
 set variable taken_source = 'track';
 set variable taken_fit = 'track';
 set variable also_taken_source = 'static,detected';

@@ -47,7 +47,7 @@ UNGATED = {
     "max_cycle_error_m", "max_flat_voxels", "max_height_m", "max_overlapped_share",
     "max_regions", "max_speck_px", "max_static_core_share", "max_static_width_m",
     "min_alignment_share", "min_box_core_share", "min_center_surround_chi2", "min_core_share",
-    "min_edge_share", "max_detected_core_share", "min_detected_points", "min_visible_share",
+    "min_edge_share", "max_detected_core_share", "min_detected_points", "min_detected_length_m", "min_visible_share",
     "min_product", "exceedingly_sure",
     "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m",
     "min_box_fill_share", "min_static_age_frames", "min_static_width_m", "min_table_age_frames",
