@@ -269,7 +269,7 @@ def _plane(store: Store, dataset: Dataset, world: World, info: dict[str, Any]) -
 def _heat(
     store: Store, name: str, sequence: str, labels: list[dict[str, Any]], round: int
 ) -> dict[str, float]:
-    """Return s * o of each label that a network has judged: the newest confidences up to a round."""
+    """Return s * o of each label that a network has judged, in the newest round up to one."""
     wanted = {row["proposal_id"] for row in labels}
     heat: dict[str, dict[str, tuple[int, float]]] = defaultdict(dict)
     for module in ("objectness_2d", "objectness_3d"):
