@@ -46,6 +46,15 @@ class ShortRangeSettings:
     least_visible_share: float = 0.25
     update_sightings: int = 3
 
+    def __post_init__(self) -> None:
+        """Refuse a rhythm of no sighting.
+
+        Raises:
+            SettingsError: `update_sightings` is below 1.
+        """
+        if self.update_sightings < 1:
+            raise SettingsError("track.short.update_sightings: at least 1")
+
 
 @dataclass(frozen=True)
 class Match:
