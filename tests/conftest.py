@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
+
+# The tests run side by side: pools of threads in each of their processes only wait for one another.
+for _pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POLARS_MAX_THREADS"):
+    os.environ.setdefault(_pool, "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # Each takes longest as a whole: what begins first does not keep the last process waiting.
