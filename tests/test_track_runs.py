@@ -155,6 +155,9 @@ class Unreadable:
             raise FrameError(f"frame {frame.frame}: gone")
         return self.dataset.read_points(frame)
 
+    def read_image(self, frame: Frame) -> Any:
+        return self.dataset.read_image(frame)
+
 
 def test_frames_that_cannot_be_read_any_more_are_told_and_none_at_all_is_an_error(
     built: Path,

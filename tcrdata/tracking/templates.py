@@ -125,7 +125,7 @@ def updated(
 ) -> Template:
     """Return a template that has also seen the points in its (7,) box in another frame."""
     inside, local = _near(box, points, box[[3, 5, 4]] / 2 + settings.margin_m / 2)
-    if not len(inside):
+    if not len(inside) or not _comparable(template, features):
         return template
     raw = template.raw * np.float32(settings.fade)
     chosen = np.ascontiguousarray(features[inside])
@@ -145,7 +145,7 @@ def correlate(
     reach = settings.reach_m
     half = box[[3, 5, 4]] / 2
     inside, local = _near(box, points, half + reach)
-    if not len(inside):
+    if not len(inside) or not _comparable(template, features):
         return None
     stride = -(-len(inside) // settings.most_points)
     chosen = inside[::stride]
@@ -174,6 +174,11 @@ def correlate(
         at.astype(np.float32), features[there], *args[2:], np.zeros((1, 4), np.float32)
     )
     return Pose(moved, float(score[0]) / len(there), len(there))
+
+
+def _comparable(template: Template, features: Float32Array) -> bool:
+    """Whether features are of the template's kind: a frame may lack its image or its evidence."""
+    return template.raw.shape[3] == features.shape[1]
 
 
 def _searched(v: float, reach: float, yaw: float) -> tuple[FloatArray, ...]:
