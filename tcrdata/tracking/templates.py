@@ -230,8 +230,7 @@ def _template(
 ) -> Template:
     """Blur by a voxel, and scale so that the points that it was made of score 1 in the mean.
 
-    The blur is symmetric and nothing is clipped: a template fits its own points best where they
-    are, not beside.
+    Nothing is clipped: a template fits its own points best where they are, not beside.
     """
     volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant", truncate=2.0)
     args = (local.astype(np.float32), features, volume, low.astype(np.float32),
