@@ -178,7 +178,7 @@ def correlate(
 
 def _comparable(template: Template, features: Float32Array) -> bool:
     """Whether features are of the template's kind: a frame may lack its image or its evidence."""
-    return template.raw.shape[3] == features.shape[1]
+    return bool(template.raw.shape[3] == features.shape[1])
 
 
 def _searched(v: float, reach: float, yaw: float) -> tuple[FloatArray, ...]:
