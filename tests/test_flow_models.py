@@ -45,7 +45,7 @@ def add_check(
     connection: duckdb.DuckDBPyConnection,
     name: str,
     teacher: str,
-    student: tuple[float, float],
+    student: tuple[float, float | None],
     taught: tuple[float, float],
     pairs: int = 2,
 ) -> None:
@@ -73,10 +73,11 @@ def states(connection: duckdb.DuckDBPyConnection, **parameters: Any) -> dict[str
         ((0.70, 0.04), "rejected"),
         ((0.71, 0.0501), "rejected"),
         ((0.60, 0.04), "rejected"),
+        ((0.71, None), "rejected"),
     ],
 )
 def test_a_student_must_be_more_consistent_and_no_worse_on_the_images(
-    shell: duckdb.DuckDBPyConnection, student: tuple[float, float], state: str
+    shell: duckdb.DuckDBPyConnection, student: tuple[float, float | None], state: str
 ) -> None:
     add_model(shell, "student", "origin")
     add_check(shell, "student", "origin", student, (0.70, 0.05))

@@ -19,8 +19,10 @@ judged as (
            s.photometric_error, t.photometric_error as teacher_photometric_error,
            s.pairs >= getvariable('min_held_out_pairs') and s.pairs = t.pairs
            and s.consistent_share - t.consistent_share > getvariable('min_consistent_gain')
-           and s.photometric_error
-               <= t.photometric_error * getvariable('max_photometric_ratio') as promoted
+           -- No pixel that ends inside the image: nothing says that the images agree.
+           and coalesce(s.photometric_error
+                        <= t.photometric_error * getvariable('max_photometric_ratio'), false)
+               as promoted
     from measured s
     join measured t on t.model_id = s.model_id and t.role = 'teacher'
     where s.role = 'student'

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from tcrdata import console
@@ -120,13 +121,17 @@ def build(
 
 
 def _generated(dataset: str, text: str, root: str, *, work: bool) -> str:
-    """Return the root of generated clips, which are written first where a folder is named."""
+    """Return the root of generated clips, which are written first where a folder is named.
+
+    Without work, clips that no folder holds yet are looked at as they would be generated.
+    """
     from tcrdata import registry
 
     module = registry.find("datasets", dataset)
     if not hasattr(module, "generate"):
         raise SettingsError(f"--generate: the dataset {dataset} generates no clips; leave it out")
-    generation: Generation = module.generate(text, root)
+    folder = root if work or (root and Path(root).is_dir()) else ""
+    generation: Generation = module.generate(text, folder)
     if work:
         console.follow("generate", generation.steps, generation.work)
     return generation.root

@@ -30,6 +30,7 @@ def train_flow(
     assignments: Assignments = (),
     resume: Flag = False,
     device: str = "auto",
+    logs: str | None = None,
     json: Flag = False,
 ) -> int:
     """Finetune a flow network on a store's frames, without truth; or train one from scratch.
@@ -51,6 +52,7 @@ def train_flow(
             scratch planes.shift_px=8); they win over the file.
         resume: go on from the newest checkpoint of the same settings.
         device: auto, cpu or cuda.
+        logs: folder for TensorBoard's event files; needs tcrdata[logs]; none when left out.
         json: print the model and what was checked as JSON.
     """
     from tcrdata.learning.flow_runs import train_flow as run
@@ -65,7 +67,7 @@ def train_flow(
     teacher = None if from_scratch else _teacher(opened, weights, model, model_store, size)
     recipe = _recipe(teacher, size, losses, values)
     started = time.perf_counter()
-    with training_progress(recipe.loop.steps) as report:
+    with training_progress(recipe.loop.steps, logs) as report:
         made, progress = run(opened, recipe, resume=resume, device=device, report=report)
     if progress is None:
         console.say(f"nothing to do: model {made.model_id} is finished")

@@ -129,11 +129,19 @@ class RecordedClips:
         return self._calibration(clip).views[camera]
 
     def scene(self, clip: str) -> Scene | None:
-        """Return the labelled objects; None without labels. Raises DatasetError."""
+        """Return the labelled objects; None without labels.
+
+        Raises:
+            DatasetError: the file is broken, or ends before the clip does.
+        """
         path = self._clip(clip) / TRUTH
         if not path.is_file():
             return None
-        return read_scene(path, self._calibration(clip).frames_per_second)
+        last = max(
+            (n for camera in range(self.cameras(clip)) for n in self.numbers(clip, camera)),
+            default=-1,
+        )
+        return read_scene(path, self._calibration(clip).frames_per_second, last + 1)
 
     def depth(self, clip: str, camera: int, frame: int) -> FloatArray:
         """Return (H, W) depth in metres, 0 where there is none; raises FrameError."""
@@ -161,7 +169,12 @@ class RecordedClips:
         return Path(self.root) / clip
 
     def _path(self, clip: str, camera: int, kind: str, frame: int) -> Path:
-        return image_file(self._clip(clip), camera, kind, frame)
+        path = image_file(self._clip(clip), camera, kind, frame)
+        if path.is_file():
+            return path
+        # Numbers may be written with other than six digits.
+        found = self._files(clip, camera, kind).get(frame)
+        return found.path if found else path
 
     def _files(self, clip: str, camera: int, kind: str) -> dict[int, DataFile]:
         return numbered_files(self._clip(clip) / f"camera_{camera}" / kind, ".png")
@@ -189,7 +202,7 @@ def _read_calibration(path: Path, changed_ns: int) -> Calibration:  # noqa: ARG0
         views = tuple(_view(entry) for entry in values["cameras"])
     except KeyError as error:
         raise DatasetError(f"{path}: {error} is missing") from error
-    except (OSError, UnicodeDecodeError, TypeError, ValueError, IndexError) as error:
+    except (OSError, TypeError, ValueError, OverflowError) as error:
         raise DatasetError(f"{path}: {error}") from error
     if not views or not (0 < rate < math.inf and 0 < unit < math.inf):
         raise DatasetError(
@@ -203,12 +216,15 @@ def _view(entry: dict[str, Any]) -> View:
     pose = np.asarray(entry["world_T_camera"], dtype=np.float64).reshape(4, 4)
     rotation = pose[:3, :3]
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-4) and np.isfinite(pose).all()
-    if not rigid or np.linalg.det(rotation) < 0 or fx <= 0 or fy <= 0:
-        raise ValueError("a camera's world_T_camera is no rigid pose, or a focal length is not > 0")
+    if not rigid or np.linalg.det(rotation) < 0:
+        raise ValueError("a camera's world_T_camera is no rigid pose")
+    width_px, height_px = int(entry["width_px"]), int(entry["height_px"])
+    if not (np.isfinite([fx, fy, cx, cy]).all() and min(fx, fy, width_px, height_px) > 0):
+        raise ValueError("a camera's sizes and focal lengths must be above 0, its centre finite")
     camera = Camera(
         projection=((fx, 0.0, cx, 0.0), (0.0, fy, cy, 0.0), (0.0, 0.0, 1.0, 0.0)),
-        width_px=int(entry["width_px"]),
-        height_px=int(entry["height_px"]),
+        width_px=width_px,
+        height_px=height_px,
     )
     return level_view(camera, pose)
 

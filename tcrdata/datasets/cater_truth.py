@@ -72,15 +72,20 @@ def scene_json(scene: Scene, frames: int, frames_per_second: float) -> dict[str,
     }
 
 
-def read_scene(path: Path, frames_per_second: float) -> Scene:
+def read_scene(path: Path, frames_per_second: float, frames: int) -> Scene:
     """Return the objects of a truth.json.
+
+    Args:
+        path: of the file.
+        frames_per_second: of the clip.
+        frames: of the clip; every object needs as many poses.
 
     Raises:
         DatasetError: the file is broken: what is wrong, and where.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
-        objects = tuple(_object(entry, frames_per_second) for entry in values["objects"])
+        objects = tuple(_object(entry, frames_per_second, frames) for entry in values["objects"])
         ids = [thing.object_id for thing in objects]
         containments = tuple(
             _containment(entry, ids, frames_per_second) for entry in values.get("containments", [])
@@ -94,19 +99,14 @@ def read_scene(path: Path, frames_per_second: float) -> Scene:
     return Scene(objects, (), containments=containments)
 
 
-def _object(entry: dict[str, Any], frames_per_second: float) -> SceneObject:
+def _object(entry: dict[str, Any], frames_per_second: float, frames: int) -> SceneObject:
     name, shape = str(entry["object_id"]), entry["shape"]
     if shape not in SHAPES:
         raise ValueError(f"object {name!r} has shape {shape!r}; there are {', '.join(SHAPES)}")
     length, width, height = (float(value) for value in entry["size_m"])
-    if not min(length, width, height) > 0:
+    if not all(0 < side < math.inf for side in (length, width, height)):
         raise ValueError(f"object {name!r} has a size that is not above 0")
-    poses = np.asarray(entry["world_T_object"], dtype=np.float64)
-    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses):
-        raise ValueError(f"object {name!r}: world_T_object needs 4 rows of 4 for every frame")
-    turned = poses[:, :3, :3]
-    if not np.allclose(turned @ np.swapaxes(turned, 1, 2), np.eye(3), atol=1e-3):
-        raise ValueError(f"object {name!r}: a world_T_object is no rigid pose")
+    poses = _poses(entry, name, frames)
     return SceneObject(
         object_id=name,
         category=shape,
@@ -117,6 +117,22 @@ def _object(entry: dict[str, Any], frames_per_second: float) -> SceneObject:
         ),
         yaw_observable=shape == "box",
     )
+
+
+def _poses(entry: dict[str, Any], name: str, frames: int) -> FloatArray:
+    """Return an object's (N, 4, 4) poses; raises ValueError."""
+    poses = np.asarray(entry["world_T_object"], dtype=np.float64)
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4) or not len(poses):
+        raise ValueError(f"object {name!r}: world_T_object needs 4 rows of 4 for every frame")
+    if len(poses) < frames:
+        raise ValueError(
+            f"object {name!r} has {len(poses)} poses; the clip's frames go to {frames - 1}"
+        )
+    turned = poses[:, :3, :3]
+    rigid = np.allclose(turned @ np.swapaxes(turned, 1, 2), np.eye(3), atol=1e-3)
+    if not rigid or not np.isfinite(poses).all() or (np.linalg.det(turned) < 0).any():
+        raise ValueError(f"object {name!r}: a world_T_object is no rigid pose")
+    return poses
 
 
 def _containment(entry: dict[str, Any], ids: list[str], frames_per_second: float) -> Containment:

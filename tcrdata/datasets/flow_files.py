@@ -61,7 +61,8 @@ def read_kitti_flow(path: Path) -> Float32Array:
     """
     import cv2
 
-    encoded = cv2.imdecode(np.frombuffer(_bytes(path), np.uint8), cv2.IMREAD_UNCHANGED)
+    data = np.frombuffer(_bytes(path), np.uint8)
+    encoded = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
     if encoded is None or encoded.dtype != np.uint16 or encoded.shape[2:] != (3,):
         raise DatasetError(f"{path}: no KITTI flow: it is no whole PNG of three 16-bit channels")
     known, v, u = (encoded[..., channel] for channel in range(3))
@@ -108,9 +109,11 @@ def read_ppm(path: Path) -> ImageArray:
     """
     data = _bytes(path)
     header = _PPM_HEADER.match(data)
-    if header is None:
-        raise DatasetError(f"{path}: no binary .ppm of 8 bits: it does not begin with P6")
-    width, height = int(header[1]), int(header[2])
+    width, height = (int(header[1]), int(header[2])) if header else (0, 0)
+    if header is None or min(width, height) < 1:
+        raise DatasetError(
+            f"{path}: no binary .ppm of 8 bits: it does not begin with P6 and a size"
+        )
     wanted = header.end() + 3 * width * height
     if len(data) < wanted:
         raise DatasetError(f"{path}: {len(data)} bytes, not {wanted} for {width}x{height}")

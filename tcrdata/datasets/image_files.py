@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import zlib
@@ -89,12 +90,19 @@ def read_grey16(path: Path) -> FloatArray:
     """Return the (H, W) steps, 0 to 65,535, of a grey image of 16 bits.
 
     Raises:
-        FrameError: the file cannot be decoded, or has colours or 8 bits.
+        FrameError: the file cannot be read or decoded, or has colours or 8 bits.
     """
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        data = path.read_bytes()
+    except OSError as error:
+        raise FrameError(f"image {path.name} cannot be read: {error.strerror}") from error
+    # Pillow passes over the checksums of the pixels.
+    if wrong := damaged_chunk(data):
+        raise FrameError(f"image {path.name} cannot be decoded: {wrong}")
+    try:
+        with Image.open(io.BytesIO(data)) as image:
             if not image.mode.startswith("I"):
                 raise FrameError(f"image {path.name} is no grey image of 16 bits")
             return np.asarray(image, dtype=np.float64)

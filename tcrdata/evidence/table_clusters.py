@@ -61,10 +61,12 @@ def run(cue: CueInput) -> Iterator[Rows]:
     if cue.info.sensor != "depth":
         return
     regions: list[Region] = []
+    unreadable: set[int] = set()
     for found, errors in cue.parallel(measure_chunk, _chunks(cue)):
         regions += found
+        unreadable.update(number for number, _ in errors)
         yield from error_rows(errors)
-    numbers = [frame.frame for frame in cue.frames]
+    numbers = [frame.frame for frame in cue.frames if frame.frame not in unreadable]
     tracked = follow(regions, numbers, cue.settings.tracks, cue.info.metric_scale)
     by_frame: dict[int, list[TrackedRegion]] = {}
     for entry in tracked:

@@ -103,8 +103,9 @@ def measure_chunk(chunk: Chunk) -> tuple[list[Region], list[tuple[int, str]]]:
         plane = table_plane(points, chunk.plane)
         if plane is None:
             continue
-        if others:
-            clouds = [_moved(other, index, chunk.averaging) for other in others]
+        clouds = [_moved(other, index, chunk.averaging) for other in others]
+        # Where the others show nothing, a part that is hidden from this camera is hidden.
+        if any(map(len, clouds)):
             regions += fused_regions(number, points, shot.numbers, clouds, plane, chunk.regions)
         else:
             regions += cut_regions(number, points, shot.numbers, plane, chunk.regions)

@@ -80,7 +80,7 @@ def follow(
 
     Args:
         regions: of a whole sequence, by frame.
-        usable: numbers of the frames that were looked at.
+        usable: numbers of the frames that could be read.
         settings: unscaled.
         metric_scale: of the sequence.
     """
@@ -117,6 +117,7 @@ class _Track:
         self.fill = np.array([region.fill_share for region in regions])
         self.tops = np.array([region.heights_m[1] for region in regions])
         self.bottoms = np.array([self._bottom(region) for region in regions])
+        self.points = float(np.median([region.pixels for region in regions]))
 
     def completed(self, place: int, number: int) -> TrackedRegion:
         """Return one sighting with its boxes."""
@@ -137,7 +138,7 @@ class _Track:
             age_frames=len(self.regions),
             span_frames=int(self.frames[-1] - self.frames[0] + 1),
             fill_share=fill,
-            points=float(np.median([entry.pixels for entry in self.regions])),
+            points=self.points,
         )
 
     def _near(self, place: int) -> BoolArray:

@@ -29,6 +29,8 @@ from tcrdata.learning.flow_samples import (
     TaughtSamples,
 )
 from tcrdata.learning.frames import NEEDED, Frames, open_frames
+from tcrdata.learning.learner import Objective
+from tcrdata.learning.stream import CountedSamples, Transform
 from tcrdata.learning.textured_planes import PlaneSettings
 from tcrdata.learning.training import LoopSettings, Report, train
 from tcrdata.learning.training_queries import TrainingQuery, load_training_query
@@ -75,8 +77,13 @@ class FlowRecipe:
     parameters: Mapping[str, str] = field(default_factory=dict)
     teacher: str = ""
 
-    def identity(self, snapshot: str) -> ModelIdentity:
-        """Return what the model follows from, given a frozen list of files (empty from scratch)."""
+    def identity(self, snapshot: str, processes: int = 1) -> ModelIdentity:
+        """Return what the model follows from.
+
+        Args:
+            snapshot: the frozen list of files that is read; empty from scratch.
+            processes: that learn together: each takes a batch a step.
+        """
         plain: dict[str, Any] = {
             "network": settings.as_plain(self.network),
             "loop": settings.as_plain(self.loop),
@@ -84,6 +91,8 @@ class FlowRecipe:
         # Where and how often it is loaded and saved leaves the numbers as they are.
         for name in ("workers", "checkpoint_steps"):
             del plain["loop"][name]
+        if processes > 1:
+            plain["loop"]["processes"] = processes
         if self.planes is not None:
             plain |= {"planes": settings.as_plain(self.planes), "decay": self.losses.decay}
         else:
@@ -172,37 +181,45 @@ def train_flow(
         StoreError: a damaged or foreign checkpoint.
     """
     with training_place(device) as place:
-        snapshot = _begun(store, recipe) if resume else None
+        snapshot = _begun(store, recipe, place.world_size) if resume else None
         if snapshot is None:
             snapshot = "" if recipe.planes else store.freeze(None, NEEDED).name
-        model = recipe.identity(snapshot)
+        model = recipe.identity(snapshot, place.world_size)
         done = {row["model_id"]: row["finished"] for row in model_rows(store)}
         if done.get(model.model_id):
             return model, None
-        arguments: dict[str, Any] = {
-            "resume": resume and model.model_id in done, "report": report,
-        }  # fmt: skip
-        if recipe.planes:
-            objective: Any = partial(known_flow_losses, decay=recipe.losses.decay)
-            pairs: Any = GeneratedPairs()
-            transform: Any = GeneratedSamples(recipe.planes)
-        else:
-            frames = flow_frames(store, recipe, snapshot)
-            pairs = StoredPairs(frames, LEARNT)
-            if not len(pairs):
-                raise MissingEvidenceError(
-                    f"{store.url}: no pair of frames to learn from: a drive needs three pairs of "
-                    "images, the last of which are held out"
-                )
-            objective = partial(self_supervised_losses, own=recipe.losses)
-            occluded = recipe.losses.occlusion > 0
-            transform = TaughtSamples(recipe.pairs, flow_teacher(store, recipe), occluded)
-            arguments["start"] = read_weights(store, recipe.teacher, AVERAGE)
+        pairs, transform, objective = _lessons(store, recipe, snapshot)
+        start = read_weights(store, recipe.teacher, AVERAGE) if recipe.teacher else None
         progress = train(
             store, model, pairs, transform, recipe.network, recipe.loop, place,
-            objective=objective, **arguments,
+            resume=resume and model.model_id in done, report=report, objective=objective,
+            start=start,
         )  # fmt: skip
         return model, progress
+
+
+def _lessons(
+    store: Store, recipe: FlowRecipe, snapshot: str
+) -> tuple[CountedSamples, Transform, Objective]:
+    """Return what a recipe learns from, how it is seen, and what counts.
+
+    Raises:
+        MissingEvidenceError: there are no pairs to learn from.
+    """
+    if recipe.planes is not None:
+        return (
+            GeneratedPairs(),
+            GeneratedSamples(recipe.planes),
+            partial(known_flow_losses, decay=recipe.losses.decay),
+        )
+    pairs = StoredPairs(flow_frames(store, recipe, snapshot), LEARNT)
+    if not len(pairs):
+        raise MissingEvidenceError(
+            f"{store.url}: no pair of frames to learn from: a drive needs three pairs of "
+            "images, the last of which are held out"
+        )
+    transform = TaughtSamples(recipe.pairs, flow_teacher(store, recipe), recipe.losses)
+    return pairs, transform, partial(self_supervised_losses, own=recipe.losses)
 
 
 def flow_frames(store: Store, recipe: FlowRecipe, snapshot: str) -> Frames:
@@ -217,14 +234,14 @@ def flow_teacher(store: Store, recipe: FlowRecipe) -> Estimator:
     return chosen_estimator(store, wanted)
 
 
-def _begun(store: Store, recipe: FlowRecipe) -> str | None:
+def _begun(store: Store, recipe: FlowRecipe, processes: int) -> str:
     """Return the snapshot of the unfinished model of a recipe, or of the finished one.
 
     Raises:
         MissingEvidenceError: there is none.
     """
     for row in sorted(model_rows(store), key=lambda row: bool(row["finished"])):
-        if recipe.identity(row["snapshot"]).model_id == row["model_id"]:
+        if recipe.identity(row["snapshot"], processes).model_id == row["model_id"]:
             return str(row["snapshot"])
     raise MissingEvidenceError(
         f"{store.url}: no checkpoint of a flow network with these settings to resume: see "

@@ -11,8 +11,9 @@ import numpy as np
 from tcrdata.errors import FrameError, SettingsError
 from tcrdata.evidence.flow_cycle import measure
 from tcrdata.evidence.flow_estimators import Estimator
-from tcrdata.learning.frames import Frames
+from tcrdata.learning.stream import CountedSamples
 from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
+from tcrdata.networks.flow_losses import FlowLossSettings
 from tcrdata.types import BoolArray, Float32Array, ImageArray, IntArray
 
 LEARNT, HELD_OUT = "learnt", "held out"
@@ -54,7 +55,7 @@ class GeneratedSamples:
 class StoredPairs:
     """The pairs of one part of the query `training/flow`, each with both images."""
 
-    def __init__(self, frames: Frames, part: str) -> None:
+    def __init__(self, frames: CountedSamples, part: str) -> None:
         """Take those rows of a query's frames whose column `part` says so."""
         self._frames, self._part = frames, part
 
@@ -131,12 +132,12 @@ class TaughtSamples:
     Attributes:
         pairs: what is cut and hidden.
         teacher: sees the clean pair and a margin around the piece.
-        occluded: whether anything is hidden.
+        losses: which pixels of the teacher are trusted; nothing is hidden where occlusion is 0.
     """
 
     pairs: PairSettings
     teacher: Estimator
-    occluded: bool
+    losses: FlowLossSettings
 
     def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
         """Return `input` (6, H, W), `images` (2, 3, H, W), `taught` (2, 2, H, W) px, and `trusted`
@@ -148,11 +149,11 @@ class TaughtSamples:
             first, second = (np.ascontiguousarray(image[:, ::-1]) for image in (first, second))
         window, piece = _places(first.shape, own, rng)
         flows = self.teacher.both_ways(first[window], second[window])
-        trusted = measure(*flows).paper[piece], measure(flows[1], flows[0]).paper[piece]
+        trusted = [self._trusted(flows[i], flows[1 - i])[piece] for i in (0, 1)]
         taught = [flow[piece] for flow in flows]
         images = [_unit(image[window][piece]) for image in (first, second)]
         covers = [np.zeros(images[0].shape[:2], bool) for _ in range(2)]
-        if self.occluded:
+        if self.losses.occlusion > 0:
             covers[int(rng.integers(2))] = _boxes(images[0].shape, own, rng)
         shown = [_covered(i, cover, rng) for i, cover in zip(images, covers, strict=True)]
         hidden = [
@@ -166,6 +167,9 @@ class TaughtSamples:
             "trusted": np.stack(trusted)[:, None].astype(np.float32),
             "hidden": np.stack(hidden)[:, None].astype(np.float32),
         }
+
+    def _trusted(self, flow: Float32Array, back: Float32Array) -> BoolArray:
+        return measure(flow, back, self.losses.cycle_share, self.losses.cycle_slack_px).paper
 
 
 def _scaled(image: ImageArray, own: PairSettings) -> ImageArray:

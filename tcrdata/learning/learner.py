@@ -95,6 +95,8 @@ class Learner:
     def step(self, batch: Batch, rate: float) -> dict[str, float]:
         """Learn from one batch; return the parts of its loss; one not finite changes nothing.
 
+        A finite loss may have a gradient that is not: then its norm is among the parts.
+
         Args:
             batch: `input` and the targets, tensors (B, ...).
             rate: factor of the learning rate.
@@ -111,7 +113,10 @@ class Learner:
         self._optimizer.zero_grad()
         self._scaler.scale(loss).backward()
         self._scaler.unscale_(self._optimizer)
-        nn.utils.clip_grad_norm_(self.network.parameters(), self._own.clip)
+        norm = nn.utils.clip_grad_norm_(self.network.parameters(), self._own.clip)
+        # In half precision the scaler leaves such a step out by itself.
+        if not self._half and not bool(torch.isfinite(norm)):
+            return {**terms, "gradient": float(norm)}
         self._scaler.step(self._optimizer)
         self._scaler.update()
         self._average(min(self._own.average, (len(self.terms) + 1) / (len(self.terms) + 10)))

@@ -3,15 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from torch.utils.data import IterableDataset, get_worker_info
 
-from tcrdata.learning.frames import Frames, open_frames
+from tcrdata.errors import SettingsError
+from tcrdata.learning.frames import open_frames
 from tcrdata.store import open_store
+from tcrdata.types import IntArray
 
 Transform = Callable[[dict[str, Any], np.random.Generator], dict[str, Any]]
+
+
+class Samples(Protocol):
+    """What can be streamed: frames of a query, pairs of them, or what is generated. Picklable."""
+
+    def __len__(self) -> int: ...
+
+    def __getitem__(self, number: int) -> dict[str, Any]:
+        """Return one sample by its number."""
+        ...
+
+    def drives(self) -> IntArray:
+        """Return (N,) which drive each sample is of, numbered from 0."""
+        ...
+
+
+class CountedSamples(Samples, Protocol):
+    """Samples that a training can count the labels of."""
+
+    def column(self, name: str) -> list[Any]:
+        """Return one value a sample; a training asks for `positives`."""
+        ...
 
 
 class FrameStream(IterableDataset[dict[str, Any]]):
@@ -24,7 +48,7 @@ class FrameStream(IterableDataset[dict[str, Any]]):
 
     def __init__(
         self,
-        frames: Frames,
+        frames: Samples,
         *,
         seed: int = 0,
         start: int = 0,
@@ -48,8 +72,16 @@ class FrameStream(IterableDataset[dict[str, Any]]):
             rank: of this process.
             world_size: number of such processes.
             transform: makes of each frame what is yielded; gets random numbers of its own.
+
+        Raises:
+            SettingsError: no place to start, no such rank, or no drive at a time.
         """
         super().__init__()
+        if start < 0 or not 0 <= rank < world_size or drives_together < 1:
+            raise SettingsError(
+                f"a stream from position {start} of rank {rank} of {world_size}, {drives_together} "
+                "drives together: positions and ranks count from 0, drives from 1"
+            )
         self.frames = frames
         self.seed = seed
         self.start = start

@@ -1,4 +1,4 @@
-"""The training loop: one for detectors and segmenters, from the first sample to the last step."""
+"""The training loop: one for every kind of network, from the first sample to the last step."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ from torch.utils.data import DataLoader
 from tcrdata.errors import TrainingError
 from tcrdata.learning.checkpoints import ModelIdentity, Progress, save_checkpoint
 from tcrdata.learning.devices import Place
-from tcrdata.learning.frames import Frames
 from tcrdata.learning.learner import Batch, Learner, LearnerSettings, Objective
-from tcrdata.learning.stream import FrameStream, Transform
+from tcrdata.learning.stream import CountedSamples, FrameStream, Transform
 from tcrdata.store import Store
 
 
@@ -58,7 +57,7 @@ class Report:
 def train(
     store: Store,
     model: ModelIdentity,
-    frames: Frames,
+    frames: CountedSamples,
     transform: Transform,
     network_settings: Any,
     loop: LoopSettings,
@@ -121,7 +120,7 @@ def one_cycle(share_done: float, warm_up: float) -> float:
 
 
 def _batches(
-    frames: Frames, transform: Transform, loop: LoopSettings, place: Place, step: int
+    frames: CountedSamples, transform: Transform, loop: LoopSettings, place: Place, step: int
 ) -> Iterator[Batch]:
     """Yield batches from a step on, on the device; the same whatever the number of workers."""
     stream = FrameStream(
@@ -172,7 +171,7 @@ def _not_finite(step: int, terms: Mapping[str, float], batch: Batch) -> Training
     )
 
 
-def _progress(learner: Learner, frames: Frames, loop: LoopSettings) -> Progress:
+def _progress(learner: Learner, frames: CountedSamples, loop: LoopSettings) -> Progress:
     last = learner.terms[-max(loop.steps // 10, 1) :]
     means = {name: float(np.mean([terms[name] for terms in last])) for name in (last or [{}])[0]}
     return Progress(

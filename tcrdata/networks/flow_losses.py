@@ -46,6 +46,11 @@ class FlowLossSettings:
     cycle_slack_px: float = 0.5
 
     def __post_init__(self) -> None:
+        if self.exponent <= 0 or self.epsilon <= 0:
+            raise SettingsError(
+                f"losses.exponent {self.exponent:g} and losses.epsilon {self.epsilon:g}: the "
+                "penalty needs both above 0"
+            )
         if not any(getattr(self, name) > 0 for name in SELF_SUPERVISED):
             raise SettingsError(f"no loss is left: give one of {', '.join(SELF_SUPERVISED)}")
 

@@ -37,7 +37,7 @@ def unmirrored(outputs: Mapping[str, torch.Tensor]) -> Outputs:
     for name, own in signs.items():
         if name in flipped:
             shape = (1, -1) + (1,) * (flipped[name].ndim - 2)
-            flipped[name] = flipped[name] * torch.tensor(own).view(shape)
+            flipped[name] = flipped[name] * flipped[name].new_tensor(own).view(shape)
     if "heading" in flipped:
         bins = flipped["heading"].shape[1]
         flipped["heading"] = flipped["heading"][:, (bins // 2 - 1 - torch.arange(bins)) % bins]

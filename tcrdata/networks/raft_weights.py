@@ -44,7 +44,7 @@ def read_raft_weights(path: str, size: str | None = None) -> tuple[str, dict[str
             f"--weights {path}: no file of weights ({type(error).__name__}): give a state dict "
             "saved with torch.save"
         ) from error
-    if not isinstance(state, dict) or not all(map(torch.is_tensor, state.values())):
+    if not _is_state_dict(state):
         raise SettingsError(f"--weights {path}: holds a {type(state).__name__}, not a state dict")
     if state and all(name.startswith(_PARALLEL) for name in state):
         state = {name.removeprefix(_PARALLEL): value for name, value in state.items()}
@@ -54,7 +54,7 @@ def read_raft_weights(path: str, size: str | None = None) -> tuple[str, dict[str
             f"--weights {path}: weights of RAFT {found}, not {size}: give --size {found}"
         )
     _check(path, found, state)
-    return found, {name: state[name] for name in raft_shapes(found)}
+    return found, {name: _plain(state[name]) for name in raft_shapes(found)}
 
 
 def weights_digest(state: Mapping[str, torch.Tensor]) -> str:
@@ -64,6 +64,17 @@ def weights_digest(state: Mapping[str, torch.Tensor]) -> str:
         digest.update(f"{name} {tuple(state[name].shape)} {state[name].dtype}\n".encode())
         digest.update(state[name].contiguous().numpy().tobytes())
     return digest.hexdigest()
+
+
+def _is_state_dict(value: object) -> bool:
+    return isinstance(value, dict) and all(
+        isinstance(name, str) and torch.is_tensor(weight) for name, weight in value.items()
+    )
+
+
+def _plain(weight: torch.Tensor) -> torch.Tensor:
+    """A weight in single precision that nothing is traced through, however it was saved."""
+    return weight.detach().float() if weight.is_floating_point() else weight
 
 
 def _nearest_size(state: Mapping[str, torch.Tensor]) -> str:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.rounds import of_round
-from tcrdata.rules.scopes import scoped
+from tcrdata.rules.scopes import quoted, scoped
 from tcrdata.rules.verdicts import verdicts_selects
 
 if TYPE_CHECKING:
@@ -77,10 +77,10 @@ def verdicts_view_sql(selections: Sequence[Mapping[str, Any]]) -> str:
 def _branch(selection: Mapping[str, Any], rule: str, verdicts: str) -> str:
     """What one rule of one selection says."""
     literals = (selection["selection_id"], selection["name"], rule)
-    quoted = ["'" + value.replace("'", "''") + "'" for value in literals]
+    selection_id, name, its_rule = map(quoted, literals)
     return (
-        f"select {quoted[0]} as selection_id, {quoted[1]} as selection, proposal_id, "
-        f"{quoted[2]} as rule, value, bound, passed\nfrom (\n{verdicts}\n)"
+        f"select {selection_id} as selection_id, {name} as selection, proposal_id, "
+        f"{its_rule} as rule, value, bound, passed\nfrom (\n{verdicts}\n)"
     )
 
 

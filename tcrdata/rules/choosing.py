@@ -11,7 +11,7 @@ from tcrdata.errors import RuleError
 from tcrdata.resources import resource_folder
 from tcrdata.rules.panel import Seat
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, run_sql, scoped
+from tcrdata.rules.scopes import Relations, quoted, run_sql, scoped
 from tcrdata.store import schemas
 
 
@@ -122,7 +122,7 @@ def _carried_by(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:
     lists = ""
     for place, preset in enumerate(presets):
         names = ", ".join(
-            f"case when carried & {1 << numbers[rule.select]} <> 0 then '{rule.name}' end"
+            f"case when carried & {1 << numbers[rule.select]} <> 0 then {quoted(rule.name)} end"
             for rule in preset.rules
         )
         lists += f" when {place} then [{names}]"
@@ -131,7 +131,9 @@ def _carried_by(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:
 
 def _label_columns(presets: Sequence[FilledPreset]) -> str:
     """SQL of a label's columns from proposals p, what was decided d, and carriers c."""
-    others = "".join(f" when {place} then '{p.name}'" for place, p in enumerate(presets) if place)
+    others = "".join(
+        f" when {place} then {quoted(p.name)}" for place, p in enumerate(presets) if place
+    )
     made = {
         "state": "d.state",
         "score": "d.score",

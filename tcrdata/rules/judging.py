@@ -12,7 +12,7 @@ from tcrdata.errors import RuleError
 from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, count, run_sql, scoped
+from tcrdata.rules.scopes import Relations, count, quoted, run_sql, scoped
 from tcrdata.store import schemas
 
 _BITS = 62  # verdicts that fit into a bigint
@@ -131,7 +131,7 @@ def _of_sources(
     """Relations without the sources of which nothing passes: a file holds one source."""
     sql = f"select distinct source from {passing} order by 1"
     rows = run_sql(connection, sql, "the rule that comes first").fetchall()
-    listed = ["'" + source.replace("'", "''") + "'" for (source,) in rows]
+    listed = [quoted(source) for (source,) in rows]
     kept = f"source in ({', '.join(listed) or 'null'})"
     return {
         **relations,

@@ -20,6 +20,11 @@ def scoped(select: str, tables: tuple[str, ...], relations: Relations) -> str:
     return f"with {scope}\nselect * from (\n{select}\n)" if scope else select
 
 
+def quoted(text: str) -> str:
+    """A text as SQL writes it."""
+    return "'" + text.replace("'", "''") + "'"
+
+
 def run_sql(
     connection: duckdb.DuckDBPyConnection, sql: str, what: str
 ) -> duckdb.DuckDBPyConnection:

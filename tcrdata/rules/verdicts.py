@@ -13,7 +13,7 @@ from typing import Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES, RULE_COLUMNS, Binder, Reads
 from tcrdata.rules.rounds import of_round
-from tcrdata.rules.scopes import scoped
+from tcrdata.rules.scopes import quoted, scoped
 from tcrdata.rules.sql_files import SqlFile
 
 _KEYS = ("proposal_id", "dataset", "sequence", "frame", "source")
@@ -96,10 +96,10 @@ def _columns(selection: Mapping[str, Any]) -> str:
         for place, required in enumerate(selection["required"])
     ]
     columns = {
-        "selection_id": _text(selection["selection_id"]),
-        "selection": _text(selection["name"]),
+        "selection_id": quoted(selection["selection_id"]),
+        "selection": quoted(selection["name"]),
         **{name: name for name in _KEYS},
-        "rules": f"[{', '.join(_text(rule) for rule in selection['rules'])}]",
+        "rules": f"[{', '.join(quoted(rule) for rule in selection['rules'])}]",
         "value": f"[{', '.join(names['value'])}]",
         "bound": f"[{', '.join(names['bound'])}]",
         "margin": f"[{', '.join(margins)}]",
@@ -115,7 +115,3 @@ def _mask(conditions: Iterable[str]) -> str:
     """A bit a condition, the first one lowest."""
     bits = [f"if({condition}, {1 << place}, 0)" for place, condition in enumerate(conditions)]
     return f"({' | '.join(bits)})::bigint"
-
-
-def _text(value: str) -> str:
-    return "'" + value.replace("'", "''") + "'"

@@ -44,7 +44,7 @@ def taught(built: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A copy in which that network was finetuned."""
     url = tmp_path_factory.mktemp("taught") / "store"
     shutil.copytree(built, url)
-    done("train", "flow", "--store", url, *STUDENT)
+    done("train", "flow", "--store", url, "--logs", url.with_name("logs"), *STUDENT)
     return url
 
 
@@ -68,6 +68,8 @@ def test_a_finetuned_network_is_checked_and_its_teacher_stays(taught: Path) -> N
     student = next(row for row in listed.values() if "teacher" in row["settings"])
     assert student["settings"]["teacher"] in listed
     assert student["samples"] == 2
+    (events,) = taught.with_name("logs").iterdir()
+    assert ".tfevents." in events.name
 
 
 def test_a_training_that_was_stopped_gives_the_same_losses(

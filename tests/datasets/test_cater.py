@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cli_runs import done
+from PIL import Image
 
 from tcrdata.datasets.cater import Cater, generate, open_dataset
 from tcrdata.datasets.cater_scenes import build_clip
@@ -187,10 +189,103 @@ def test_damaged_frames_are_errors_of_their_own(copied: Path) -> None:
         cater.read_points(frames[2])
 
 
+def test_pixels_that_are_not_as_they_were_written_are_an_error(copied: Path) -> None:
+    path = copied / "clip_0000" / "camera_0" / "depth" / "000001.png"
+    data = bytearray(path.read_bytes())
+    data[-20] ^= 1  # the checksum at the end of the pixels
+    path.write_bytes(data)
+    cater = open_dataset(str(copied))
+    with pytest.raises(FrameError, match=r"000001\.png cannot be decoded: the chunk IDAT"):
+        cater.read_points(cater.frames(CLIP)[1])
+
+
+def test_an_image_of_another_size_is_an_error(copied: Path) -> None:
+    path = copied / "clip_0000" / "camera_0" / "depth" / "000001.png"
+    Image.fromarray(np.ones((120, 160), np.uint16)).save(path)
+    cater = open_dataset(str(copied))
+    frame = cater.frames(CLIP)[1]
+    assert (frame.status, frame.error) == (
+        "error",
+        "depth image 000001.png is 160x120, unlike its camera",
+    )
+    with pytest.raises(FrameError, match="160x120 pixels; its calibration says 320x240"):
+        cater.read_points(frame)
+
+
+def test_numbers_of_other_than_six_digits_are_read(copied: Path) -> None:
+    cater = open_dataset(str(copied))
+    before = cater.read_points(cater.frames(CLIP)[2]).xyz
+    for path in (copied / "clip_0000" / "camera_0").glob("*/*.png"):
+        path.rename(path.with_name(f"{int(path.stem):04d}.png"))
+    frame = cater.frames(CLIP)[2]
+    assert frame.image_path == "clip_0000/camera_0/rgb/0002.png"
+    np.testing.assert_array_equal(cater.read_points(frame).xyz, before)
+
+
+def test_a_clip_that_was_begun_goes_on_and_no_other_mixes_with_it(tmp_path: Path) -> None:
+    tiny = "clips=1,seed=3,frames=2,cameras=1"
+    work = generate(tiny, str(tmp_path)).work
+    next(work)
+    with pytest.raises(DatasetError, match="no clip"):
+        open_dataset(str(tmp_path)).sequences()
+    with pytest.raises(DatasetError, match="another clip"):
+        next(generate(tiny.replace("frames=2", "frames=1"), str(tmp_path)).work)
+    assert sum(1 for _ in generate(tiny, str(tmp_path)).work) == 2
+    names = sorted(path.name for path in (tmp_path / "clip_0000").iterdir())
+    assert names == ["calibration.json", "camera_0", "truth.json"]
+    assert open_dataset(str(tmp_path)).info(CLIP).number_of_frames == 2
+
+
+def test_files_of_others_are_not_written_over(tmp_path: Path) -> None:
+    other = tmp_path / "clip_0000" / "camera_0" / "rgb" / "000000.png"
+    other.parent.mkdir(parents=True)
+    other.write_bytes(b"mine")
+    with pytest.raises(DatasetError, match="give another folder"):
+        next(generate(SMALL, str(tmp_path)).work)
+    assert other.read_bytes() == b"mine"
+
+
+def test_a_dry_run_looks_at_clips_that_are_not_written_yet(tmp_path: Path) -> None:
+    places = ("--root", tmp_path / "clips", "--store", tmp_path / "store")
+    given = ("--dataset", "cater", "--generate", SMALL, *places, "--preset", "tabletop")
+    assert "6 of 6 units to make" in done("build", *given, "--dry-run").err
+    assert list(tmp_path.iterdir()) == []
+
+
+def camera(**changes: Any) -> dict[str, Any]:
+    plain = {
+        "width_px": 320,
+        "height_px": 240,
+        "intrinsics_px": [350.0, 350.0, 160.0, 120.0],
+        "world_T_camera": np.eye(4).tolist(),
+    }
+    return {"cameras": [{**plain, **changes}]}
+
+
+def thing(poses: Any, size_m: tuple[float, ...] = (1.0, 1.0, 1.0)) -> dict[str, Any]:
+    plain = {"object_id": "a", "shape": "box", "size_m": size_m}
+    return {"objects": [{**plain, "world_T_object": poses}]}
+
+
+STILL = [np.eye(4).tolist()] * 3
+MIRRORED = [np.diag([-1.0, 1.0, 1.0, 1.0]).tolist()] * 3
+LOST = [(np.eye(4) + np.diag([np.inf], 3)).tolist()] * 3
+
+
 @pytest.mark.parametrize(
     ("name", "change", "message"),
     [
         ("calibration.json", {"cameras": []}, "needs a camera"),
+        ("calibration.json", {"cameras": [{"width_px": 320}]}, "'intrinsics_px' is missing"),
+        ("calibration.json", camera(intrinsics_px=[np.nan, 350, 160, 120]), "above 0"),
+        ("calibration.json", camera(intrinsics_px=[350, 350, np.inf, 120]), "finite"),
+        ("calibration.json", camera(width_px=0), "above 0"),
+        ("calibration.json", camera(width_px=np.inf), "infinity"),
+        ("calibration.json", camera(world_T_camera=MIRRORED[0]), "no rigid pose"),
+        ("truth.json", thing(STILL[:2]), "has 2 poses; the clip's frames go to 2"),
+        ("truth.json", thing(MIRRORED), "no rigid pose"),
+        ("truth.json", thing(LOST), "no rigid pose"),
+        ("truth.json", thing(STILL, (1.0, 1.0, np.inf)), "size"),
         ("calibration.json", {"depth_unit_m": 0}, "above 0"),
         ("truth.json", {"objects": [{"object_id": "a", "shape": "torus"}]}, "torus"),
         ("truth.json", {"containments": [{"inner": "x", "outer": "y"}]}, "no object"),

@@ -80,9 +80,10 @@ def test_a_ppm_that_others_wrote_is_read_and_a_damaged_one_refused(tmp_path: Pat
     path.write_bytes(b"P6 1 2 255\n" + bytes(5))
     with pytest.raises(DatasetError, match="16 bytes, not 17 for 1x2"):
         read_ppm(path)
-    path.write_bytes(b"P5 1 2 255\n" + bytes(6))
-    with pytest.raises(DatasetError, match=r"no binary \.ppm"):
-        read_ppm(path)
+    for header in (b"P5 1 2 255\n", b"P6 0 2 255\n", b"P6 1 2 65535\n", b""):
+        path.write_bytes(header + bytes(12) if header else b"")
+        with pytest.raises(DatasetError, match=r"no binary \.ppm"):
+            read_ppm(path)
 
 
 @pytest.mark.parametrize(
@@ -91,7 +92,9 @@ def test_a_ppm_that_others_wrote_is_read_and_a_damaged_one_refused(tmp_path: Pat
         ("a.flo", b"nothing", "no .flo file"),
         ("a.flo", b"PIEH" + bytes(8), "no .flo file"),
         ("a.flo", b"PIEH\x02\0\0\0\x02\0\0\0" + bytes(31), "43 bytes, not 44 for 2x2"),
+        ("a.flo", b"", "no .flo file"),
         ("a.png", b"nothing", "three 16-bit channels"),
+        ("a.png", b"", "three 16-bit channels"),
     ],
 )
 def test_a_damaged_file_is_refused(tmp_path: Path, name: str, data: bytes, said: str) -> None:

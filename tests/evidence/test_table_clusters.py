@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tcrdata.datasets.cater import open_dataset
+from tcrdata.datasets.cater import Cater, open_dataset
+from tcrdata.errors import FrameError
 from tcrdata.evidence import table_clusters
 from tcrdata.evidence.depth_frames import AveragingSettings, averaged, depth_noise
 from tcrdata.evidence.table_regions import Region
 from tcrdata.evidence.table_tracks import TrackSettings, follow
 from tcrdata.geometry.boxes import bev_iou
-from tcrdata.types import CueInput
+from tcrdata.types import CueInput, Frame, PointCloud
 
 SPEC = "clips=1,seed=4,frames=5,cameras=2"
 BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
@@ -122,6 +123,26 @@ def test_visible_things_are_found_by_one_camera_or_two(fused: bool) -> None:
     assert {row["source"] for row in rows} == {"table"}
     assert all(row["yaw_observable"] == (row["fit"] == "min_area") for row in rows)
     assert len({row["proposal_id"] for row in rows}) == len(rows)
+
+
+def test_a_camera_alone_trusts_no_more_than_it_sees(monkeypatch: pytest.MonkeyPatch) -> None:
+    alone = rows_of(table_clusters.Settings(fuse_cameras=False, chunk_frames=5))
+    read = Cater.read_points
+
+    def of_the_first(self: Cater, frame: Frame) -> PointCloud:
+        if frame.sequence.endswith("_1"):
+            raise FrameError("gone")
+        return read(self, frame)
+
+    monkeypatch.setattr(Cater, "read_points", of_the_first)
+    assert rows_of(table_clusters.Settings(fuse_cameras=True, chunk_frames=5)) == alone
+
+
+def test_frames_that_cannot_be_read_end_no_track() -> None:
+    shown = [0, 1, 2, 30]
+    seen = [region(n, -0.5, 0.5) for n in shown]
+    assert {entry.track for entry in follow(seen, shown, TrackSettings(), 0.35)} == {0}
+    assert {entry.track for entry in follow(seen, range(31), TrackSettings(), 0.35)} == {0, 1}
 
 
 def test_chunks_change_nothing_but_the_measured_noise() -> None:

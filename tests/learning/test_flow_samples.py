@@ -11,6 +11,7 @@ import pytest
 
 from tcrdata.errors import FrameError, SettingsError
 from tcrdata.learning.flow_samples import PairSettings, StoredPairs, TaughtSamples
+from tcrdata.networks.flow_losses import FlowLossSettings
 from tcrdata.resources import resource_folder
 
 
@@ -102,11 +103,12 @@ def pair_of(height: int = 90, width: int = 140) -> dict[str, object]:
 
 
 OWN = PairSettings(height_px=64, width_px=72, margin_px=8, flip=False)
+HIDING, SHOWING = FlowLossSettings(), FlowLossSettings(occlusion=0)
 
 
 def test_only_the_student_is_hidden_from() -> None:
     teacher = Teacher()
-    sample = TaughtSamples(OWN, teacher, occluded=True)(pair_of(), np.random.default_rng(1))
+    sample = TaughtSamples(OWN, teacher, HIDING)(pair_of(), np.random.default_rng(1))
     assert teacher.seen is not None
     assert teacher.seen[0].shape[0] > 64
     covered = (sample["input"].reshape(2, 3, 64, 72) != sample["images"]).any(axis=1)
@@ -126,15 +128,30 @@ def test_only_the_student_is_hidden_from() -> None:
 
 
 def test_without_occlusion_the_student_sees_what_the_teacher_sees() -> None:
-    sample = TaughtSamples(OWN, Teacher(), occluded=False)(pair_of(), np.random.default_rng(1))
+    sample = TaughtSamples(OWN, Teacher(), SHOWING)(pair_of(), np.random.default_rng(1))
     np.testing.assert_array_equal(sample["input"].reshape(2, 3, 64, 72), sample["images"])
     assert not sample["hidden"].any()
 
 
+def test_the_losses_say_which_pixels_of_the_teacher_are_trusted() -> None:
+    class Unsure(Teacher):
+        def both_ways(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            flow, back = super().both_ways(first, second)
+            return flow, back + np.float32(2)
+
+    def share(**settings: float) -> float:
+        own = FlowLossSettings(occlusion=0, **settings)
+        sample = TaughtSamples(OWN, Unsure(), own)(pair_of(), np.random.default_rng(1))
+        return float(sample["trusted"].mean())
+
+    # |w + w''|^2 is 8, |w|^2 + |w''|^2 is 38.
+    assert share() == 0
+    assert share(cycle_slack_px=7) > 0.9
+    assert share(cycle_share=0.25) > 0.9
+
+
 def test_images_smaller_than_the_piece_are_continued_at_their_edges() -> None:
-    sample = TaughtSamples(OWN, Teacher(), occluded=False)(
-        pair_of(40, 50), np.random.default_rng(0)
-    )
+    sample = TaughtSamples(OWN, Teacher(), SHOWING)(pair_of(40, 50), np.random.default_rng(0))
     assert sample["images"].shape == (2, 3, 64, 72)
     np.testing.assert_array_equal(sample["images"][0, :, 40:, 0].std(axis=1), 0)
 
@@ -155,10 +172,16 @@ def test_a_pair_of_two_sizes_is_refused_by_name() -> None:
         def __getitem__(self, number: int) -> dict[str, object]:
             return self.rows[number]
 
+        def __len__(self) -> int:
+            return len(self.rows)
+
         def column(self, name: str) -> list[object]:
             return [row[name] for row in self.rows]
 
-    pairs = StoredPairs(Frames(), "learnt")  # type: ignore[arg-type]
+        def drives(self) -> np.ndarray:
+            return np.zeros(len(self.rows), np.int64)
+
+    pairs = StoredPairs(Frames(), "learnt")
     assert len(pairs) == 1
     with pytest.raises(FrameError, match="kitti/a frames 0, 1: images of two sizes"):
         pairs[0]

@@ -107,6 +107,14 @@ def test_of_many_drives_a_few_are_shuffled_at_a_time() -> None:
     assert order(seed=2, epochs=2) != listed
 
 
+@pytest.mark.parametrize(
+    "wrong", [{"start": -1}, {"rank": 2, "world_size": 2}, {"drives_together": 0}]
+)
+def test_a_place_that_is_none_is_refused(wrong: dict[str, int]) -> None:
+    with pytest.raises(SettingsError, match="positions and ranks count from 0"):
+        FrameStream(ManyDrives(), **wrong)
+
+
 def test_ranks_share_the_frames_without_overlap(store: Store) -> None:
     frames = open_frames(store, KEYS)
     whole = list(FrameStream(frames, seed=2, epochs=2))

@@ -134,6 +134,8 @@ def test_each_loss_can_be_run_alone(
 def test_no_loss_at_all_is_refused() -> None:
     with pytest.raises(SettingsError, match="no loss is left"):
         FlowLossSettings(photometric=0, teacher=0, occlusion=0)
+    with pytest.raises(SettingsError, match="epsilon 0: the penalty needs both above 0"):
+        FlowLossSettings(epsilon=0)
 
 
 def test_known_flow_counts_later_iterations_more() -> None:

@@ -46,6 +46,11 @@ def test_the_mean_is_of_probabilities() -> None:
     )
 
 
+def test_outputs_keep_their_type() -> None:
+    halves = {name: output.half() for name, output in outputs_for(CAR).items()}
+    assert {output.dtype for output in unmirrored(halves).values()} == {torch.float16}
+
+
 def test_bins_of_heading_turn_round() -> None:
     bins = torch.zeros(1, 16, 2, 2, 3)
     bins[0, 1, 0, 0, 0] = 5.0

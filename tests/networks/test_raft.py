@@ -11,6 +11,7 @@ from torch.nn import functional
 
 from tcrdata.errors import SettingsError
 from tcrdata.evidence.flow_estimators import Raft as Estimator
+from tcrdata.networks import correlation, raft
 from tcrdata.networks.correlation import LEVELS, CorrelationPyramid
 from tcrdata.networks.raft import Raft, Settings
 from tcrdata.networks.raft_weights import raft_shapes, read_raft_weights, weights_digest
@@ -116,8 +117,23 @@ def test_what_is_no_file_of_weights_is_refused(tmp_path: Path) -> None:
         read_raft_weights(str(tmp_path / "text.pth"))
     with pytest.raises(SettingsError, match="holds a list, not a state dict"):
         read_raft_weights(saved(tmp_path, [1, 2]))
+    with pytest.raises(SettingsError, match="holds a dict, not a state dict"):
+        read_raft_weights(saved(tmp_path, {0: torch.zeros(1)}))
     with pytest.raises(SettingsError, match=r"network\.size: 'medium' is none of small, full"):
         Settings(size="medium")
+
+
+def test_weights_of_half_precision_or_with_gradients_are_read_as_plain_ones(
+    tmp_path: Path,
+) -> None:
+    state = published_state("small")
+    half = {name: value.bfloat16() for name, value in state.items()}
+    _, read = read_raft_weights(saved(tmp_path, half))
+    torch.testing.assert_close(read, {name: value.float() for name, value in half.items()})
+    traced = {name: torch.nn.Parameter(value) for name, value in state.items()}
+    _, read = read_raft_weights(saved(tmp_path, traced))
+    assert not any(value.requires_grad for value in read.values())
+    assert weights_digest(read) == weights_digest(state)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -162,11 +178,12 @@ def test_training_gives_every_iteration_and_frozen_norms_stay() -> None:
     assert free.state_dict()["cnet.norm1.running_mean"].abs().sum() > 0
 
 
-def test_looks_are_bilinear_samples_of_the_averaged_correlations() -> None:
+@pytest.mark.parametrize("largest_bytes", [2**30, 0])
+def test_looks_are_bilinear_samples_of_the_averaged_correlations(largest_bytes: int) -> None:
     drawn = torch.Generator().manual_seed(3)
     first, second = (torch.randn((1, 5, 9, 10), generator=drawn) for _ in range(2))
     ends = torch.rand((1, 2, 9, 10), generator=drawn) * 14 - 3
-    found = CorrelationPyramid(first, second, radius=1).look(ends)
+    found = CorrelationPyramid(first, second, 1, largest_bytes).look(ends)
     assert found.shape == (1, LEVELS * 9, 9, 10)
     volume = torch.einsum("bchw,bcij->bhwij", first, second).reshape(90, 1, 9, 10) / 5**0.5
     for level in range(LEVELS):
@@ -179,6 +196,25 @@ def test_looks_are_bilinear_samples_of_the_averaged_correlations() -> None:
         wanted = functional.grid_sample(volume, places[:, None], align_corners=False)
         got = found[0, 9 * level : 9 * level + 9].permute(1, 2, 0).reshape(90, 9)
         torch.testing.assert_close(got, wanted[:, 0, 0], atol=1e-5, rtol=1e-4)
+
+
+def test_large_images_have_the_same_flow_though_no_correlation_is_kept(
+    networks: dict[str, Raft], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair = pair_of(64, 88, batch=2)
+    with torch.inference_mode():
+        kept = networks["small"](pair)["flow"]
+        made: list[int] = []
+
+        def small_pyramid(first: torch.Tensor, *others: object) -> CorrelationPyramid:
+            made.append(len(first))
+            return CorrelationPyramid(first, *others, largest_bytes=0)  # type: ignore[misc, arg-type]
+
+        monkeypatch.setattr(raft, "CorrelationPyramid", small_pyramid)
+        monkeypatch.setattr(correlation, "CHUNK_BYTES", 2**18)
+        found = networks["small"](pair)["flow"]
+    assert made == [2]
+    torch.testing.assert_close(found, kept, atol=1e-4, rtol=1e-4)
 
 
 @pytest.fixture(scope="module")

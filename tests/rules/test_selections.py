@@ -273,6 +273,18 @@ def test_what_only_rows_can_show_is_refused(
     assert not store.files("labels")
 
 
+def test_names_with_a_quote_in_them_are_names(store: Store, write_sql: Write) -> None:
+    put_tracks(store, "a", [GOOD_TRACK, {**GOOD_TRACK, "z_m": 50.0}])
+    everything = own(write_sql)
+    write_sql("rules/o'mine.sql", RULE.format(passed="p.z_m < 40", joined=""))
+    text = Path(everything).read_text(encoding="utf-8").replace("rules: mine", "rules: o'mine")
+    ignoring = "-- cues: tracks\n-- ignore: my\n"
+    path = write_sql("o'hara.sql", text.replace("-- cues: tracks\n", ignoring))
+    made = select(store, str(path))
+    (label,) = (r for r in store.read("labels").to_pylist() if r["state"] == "positive")
+    assert (made.name, label["carried_by"]) == ("o'hara", ["o'mine"])
+
+
 def test_a_rule_may_read_what_modules_say(store: Store, write_sql: Write) -> None:
     put_tracks(store, "a", [GOOD_TRACK, GOOD_TRACK])
     path = own(
