@@ -16,7 +16,7 @@ from tcrdata.errors import DatasetError, EvidenceError, MissingEvidenceError
 from tcrdata.evidence.models import Model, ModelChoice, read_model
 from tcrdata.executors import Processes, Serial, executor
 from tcrdata.outcomes import UnitOutcome
-from tcrdata.plan import ROUND
+from tcrdata.plan import FRAMES, TRUTH
 from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
 from tcrdata.track_plans import TrackPlan, passes, unit_of
@@ -24,7 +24,7 @@ from tcrdata.tracked_rows import BOX, RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
 from tcrdata.tracking.library import library_of_rows
 from tcrdata.tracking.short_range import short_range
-from tcrdata.tracking.tracker import Tracker
+from tcrdata.tracking.tracker import Finished, Tracker
 from tcrdata.tracklet_boxes import STAGE as BOXES
 from tcrdata.tracklet_boxes import write_boxes
 from tcrdata.truth_starts import first_boxes
@@ -32,6 +32,8 @@ from tcrdata.types import FloatArray
 
 _LABEL_COLUMNS = ("proposal_id", "frame", "state", "score", "source", "track_id", *BOX)
 _ROWS_AT_ONCE = 4096
+_READ = (FRAMES, "ground", "odometry", "flow_ransac", "flow", "objectness2d", "objectness3d")
+"""Stages whose rows trackers read: poses, ground, flow, and what networks say of proposals."""
 
 
 def track(
@@ -73,7 +75,8 @@ def _outcomes(
     store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int
 ) -> Iterator[UnitOutcome]:
     """Track sequences side by side; rows do not depend on how many at once."""
-    tasks = [(store_url, plan, entries, *key) for key in plan.sequences]
+    known = settings.digest(entries)
+    tasks = [(store_url, plan, entries, known, *key) for key in plan.sequences]
     alone = workers < 2 or len(tasks) < 2 or store_url.startswith("memory")
     with executor(1 if alone else workers) as parallel:
         assert isinstance(parallel, Serial | Processes)
@@ -81,28 +84,29 @@ def _outcomes(
 
 
 def _track_sequence(
-    task: tuple[str, TrackPlan, list[dict[str, Any]], str, str],
+    task: tuple[str, TrackPlan, list[dict[str, Any]], str, str, str],
 ) -> UnitOutcome:
-    url, plan, entries, dataset, sequence = task
+    url, plan, entries, known, dataset, sequence = task
     store = open_store(url)
     unit = unit_of(plan, dataset, sequence)
     labels = _labels(store, plan.selection_id, dataset, sequence)
-    inputs = _inputs(store, plan, unit, labels, entries)
+    inputs = _inputs(store, plan, unit, labels, known)
     plain = {"version": __version__, "settings": settings.as_plain(plan.settings)}
     hash_ = settings.digest(plain)
     if store.is_done(unit, hash_, inputs):
         return UnitOutcome(unit, "done")
     try:
         source = scene_source(
-            store, _dataset(store, dataset, sequence), dataset, sequence, labels,
+            store, _dataset(store, dataset, sequence), dataset, sequence, labels, plan.round,
             _model(store, plan),
         )  # fmt: skip
         with store.writer(unit, settings_hash=hash_, inputs=inputs) as writer:
-            for table, columns in _rows(store, plan, source, unit, entries):
+            for table, columns in _rows(store, plan, source, unit, entries, writer.error):
                 writer.append(table, columns)
     except (DatasetError, EvidenceError, MissingEvidenceError) as error:
         return UnitOutcome(unit, "failed", str(error))
-    return UnitOutcome(unit, "made")
+    record = store.record(unit)
+    return UnitOutcome(unit, "made", frame_errors=record.failed_frames if record else ())
 
 
 def _model(store: Store, plan: TrackPlan) -> Model | None:
@@ -129,17 +133,17 @@ def _labels(store: Store, selection_id: str, dataset: str, sequence: str) -> lis
 
 
 def _inputs(
-    store: Store, plan: TrackPlan, unit: Unit, labels: list[dict[str, Any]], entries: list[Any]
+    store: Store, plan: TrackPlan, unit: Unit, labels: list[dict[str, Any]], entries: str
 ) -> dict[str, str]:
     """Return digests of what a unit's rows follow from: content, not names of selections."""
     inputs = {"labels": settings.digest(labels), "detector": plan.model}
-    stages = ["frames", "ground", "odometry"]
-    stages += ["ground_truth"] if plan.start == "truth" else []
-    for stage in stages:
-        record = store.record(Unit(stage, unit.dataset, unit.sequence, ROUND))
-        inputs[stage] = record.digest if record else "missing"
+    for record in store.sequence_records(unit.dataset, unit.sequence):
+        own = record.unit
+        read = own.stage in _READ or (own.stage == TRUTH and plan.start == "truth")
+        if read and own.round <= plan.round:
+            inputs[f"{own.stage}.r{own.round}"] = record.digest
     if plan.library:
-        inputs["library"] = settings.digest(entries)
+        inputs["library"] = entries
     return inputs
 
 
@@ -161,8 +165,9 @@ def _rows(
     source: SceneSource,
     unit: Unit,
     entries: list[dict[str, Any]],
+    failed: Callable[[int, str], None],
 ) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Track one sequence; yields batches of rows."""
+    """Track one sequence; yields batches of rows, and tells `failed` of frames left out."""
     table = "tracklets" if plan.start == "labels" else "truth_tracklets"
     with_paths = plan.start == "labels" and not plan.library
     maker = RowMaker(
@@ -171,6 +176,7 @@ def _rows(
         f"{unit.dataset}/{unit.sequence}/{table.removesuffix('s')}",
         source.metric_scale,
         {"library": plan.library, "tracker": plan.settings.tracker},
+        source.labels,
         settings=plan.settings.library if with_paths else None,
     )
     waiting: dict[str, list[dict[str, Any]]] = defaultdict(list)
@@ -178,7 +184,7 @@ def _rows(
     if with_paths:
         yield "trajectories", {}
     starts = _starts(store, plan, source, unit)
-    for finished in _followed(plan, source, maker, entries, starts):
+    for finished in _followed(plan, source, entries, starts, failed):
         waiting[table] += maker.tracklet_rows(finished)
         waiting["trajectories"] += maker.trajectory_rows(finished.number, over=finished.over)
         for name, rows in waiting.items():
@@ -193,10 +199,10 @@ def _rows(
 def _followed(
     plan: TrackPlan,
     source: SceneSource,
-    maker: RowMaker,
     entries: list[dict[str, Any]],
     starts: dict[int, list[tuple[str, FloatArray]]] | None,
-) -> Iterator[Any]:
+    failed: Callable[[int, str], None],
+) -> Iterator[Finished]:
     """Yield what trackers hand on; where egomotion has a break, a new one begins."""
     own, scale = plan.settings, source.metric_scale
     short = short_range(
@@ -205,7 +211,7 @@ def _followed(
     library = library_of_rows(entries, scale) if plan.library else None
     tracker: Tracker | None = None
     segment, number = -1, 0
-    for scene, proposals in source.scenes():
+    for scene in source.scenes(failed):
         here = source.world.poses.segment[scene.frame]
         if tracker is None or here != segment:
             if tracker is not None:
@@ -215,9 +221,7 @@ def _followed(
                 short, library, own.gates.scaled(scale), first_number=number, starts=starts
             )
             segment = here
-        maker.proposals[scene.frame] = proposals
         yield from tracker.step(scene)
-        maker.proposals.pop(scene.frame - own.gates.hidden_frames - 2, None)
     if tracker is not None:
         yield from tracker.finish()
 

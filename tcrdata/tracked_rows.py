@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,10 +17,12 @@ from tcrdata.tracking.library import LibrarySettings, entry_starts, normalised
 from tcrdata.tracking.scenes import from_box
 from tcrdata.tracking.targets import Sighting
 from tcrdata.tracking.tracker import Finished
-from tcrdata.types import FloatArray, Tables
+from tcrdata.types import Float32Array, FloatArray, Tables
 
 BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _NEAR_M = 0.1
+_SEEN_SHARE = 0.5
+_FLOWS = 8
 _PROBES = np.array(
     [[u, v, w] for u in (-0.3, 0, 0.3) for v in (-0.3, 0, 0.3) for w in (-0.3, 0, 0.3)]
 )
@@ -28,9 +30,9 @@ _PROBES = np.array(
 
 @dataclass
 class _Path:
-    """The last rows of one tracklet."""
+    """The last rows of one tracklet, each with how far flow is from the motion that led there."""
 
-    rows: list[Sighting] = field(default_factory=list)
+    rows: list[tuple[Sighting, float | None]] = field(default_factory=list)
     last: Sighting | None = None
 
 
@@ -44,7 +46,7 @@ class RowMaker:
         prefix: of the tracklets' ids.
         metric_scale: of the sequence.
         constant: columns of `tracklets` that are the same in every row.
-        proposals: frame to the proposals of its candidates, in order.
+        labels: frame to the rows of its candidates, in order.
         settings: how paths are cut; None for none.
     """
 
@@ -53,9 +55,12 @@ class RowMaker:
     prefix: str
     metric_scale: float
     constant: Mapping[str, Any]
-    proposals: dict[int, list[str | None]] = field(default_factory=dict)
+    labels: Mapping[int, Sequence[Mapping[str, Any]]]
     settings: LibrarySettings | None = None
     _paths: dict[int, _Path] = field(default_factory=dict)
+    _flows: deque[tuple[tuple[int, int], Float32Array | None]] = field(
+        default_factory=lambda: deque(maxlen=_FLOWS)
+    )
 
     def tracklet_rows(self, finished: Finished) -> list[dict[str, Any]]:
         """Return the rows of a tracklet that are settled now."""
@@ -67,9 +72,11 @@ class RowMaker:
             apart = [abs(sighting.frame - frame) for frame in seen]
             row["frames_from_sighting"] = min(apart, default=0)
             rows.append(row)
-            path.last = sighting
             if self.settings is not None:
-                path.rows.append(sighting)
+                path.rows.append((sighting, self._flow_error(path.last, sighting)))
+            path.last = sighting
+        if finished.over and self.settings is None:
+            del self._paths[finished.number]
         return rows
 
     def _row(
@@ -77,7 +84,7 @@ class RowMaker:
     ) -> dict[str, Any]:
         frame = self.world.frames[sighting.frame]
         box = self.world.box_to_level(sighting.frame, sighting.box)
-        ids = self.proposals.get(sighting.frame, [])
+        candidates = self.labels.get(sighting.frame, ())
         placed = {name: values[0] for name, values in box_columns(box[None], frame).items()}
         placed.pop("range_m")
         row = {
@@ -85,7 +92,9 @@ class RowMaker:
             "frame": sighting.frame,
             **self.constant,
             "found": sighting.found,
-            "proposal_id": ids[sighting.candidate] if 0 <= sighting.candidate < len(ids) else None,
+            "proposal_id": (
+                candidates[sighting.candidate]["proposal_id"] if sighting.candidate >= 0 else None
+            ),
             **placed,
             "visible_share": sighting.visible_share,
             "score": sighting.score,
@@ -117,7 +126,7 @@ class RowMaker:
         path = self._paths[number]
         own = self.settings
         while path.rows and (over or len(path.rows) > own.most_frames):
-            frames = np.array([row.frame for row in path.rows])
+            frames = np.array([row.frame for row, _ in path.rows])
             spans = [span for span in entry_starts(frames, own) if span[0] == 0]
             for first, last in spans:
                 yield self._trajectory(number, path.rows[first:last])
@@ -125,7 +134,12 @@ class RowMaker:
         if over:
             del self._paths[number]
 
-    def _trajectory(self, number: int, rows: list[Sighting]) -> dict[str, Any]:
+    def _trajectory(
+        self, number: int, steps_there: Sequence[tuple[Sighting, float | None]]
+    ) -> dict[str, Any]:
+        rows = [row for row, _ in steps_there]
+        # What led to the first row is no step of this path.
+        errors = [error for _, error in steps_there[1:] if error is not None]
         boxes = np.array([row.box for row in rows])
         steps, turns, first = normalised(boxes)
         passable = [row.passable for row in rows]
@@ -141,40 +155,44 @@ class RowMaker:
             "passable": float(np.mean(passable)),
             "lowest_passable": float(np.min(passable)),
             "visible_share": float(np.mean([row.visible_share for row in rows])),
-            "flow_error_px": self._flow_error(rows),
+            "flow_error_px": float(np.median(errors)) if errors else None,
             "along_m": steps[:, 0].tolist(),
             "down_m": steps[:, 1].tolist(),
             "across_m": steps[:, 2].tolist(),
             "turn_rad": turns.tolist(),
         }
 
-    def _flow_error(self, rows: list[Sighting]) -> float | None:
-        """Median over the path of how far flow is from the projected motion of the box."""
-        errors = []
-        for before, now in pairwise(rows):
-            if min(before.visible_share, now.visible_share) < 0.5:
-                continue
-            errors += self._step_error(before, now)
-        return float(np.median(errors)) if errors else None
-
-    def _step_error(self, before: Sighting, now: Sighting) -> list[float]:
-        frames = self.world.frames
-        start, end = frames[before.frame], frames[now.frame]
-        stored = read_flow(self.tables, start, end)
-        if stored is None:
-            return []
+    def _flow_error(self, before: Sighting | None, now: Sighting) -> float | None:
+        """Median over a box of how far flow is from its projected motion; None where unknown."""
+        if before is None or min(before.visible_share, now.visible_share) < _SEEN_SHARE:
+            return None
+        flow = self._flow(before.frame, now.frame)
+        if flow is None:
+            return None
         at, to = (
-            _pixels(self.world.box_to_level(f.frame, s.box), f.level_projection)
-            for f, s in ((start, before), (end, now))
+            _pixels(
+                self.world.box_to_level(s.frame, s.box), self.world.frames[s.frame].level_projection
+            )
+            for s in (before, now)
         )
-        flow = stored.decode()
         inside = np.isfinite(at).all(axis=1) & np.isfinite(to).all(axis=1)
         column, line = np.round(at[inside]).astype(int).T
         kept = (column >= 0) & (line >= 0) & (column < flow.shape[1]) & (line < flow.shape[0])
         motion = (to - at)[inside][kept]
         gaps = np.linalg.norm(flow[line[kept], column[kept]] - motion, axis=1)
         gaps = gaps[np.isfinite(gaps)]
-        return [float(np.median(gaps))] if len(gaps) else []
+        return float(np.median(gaps)) if len(gaps) else None
+
+    def _flow(self, start: int, end: int) -> Float32Array | None:
+        """Return a flow; the last few are kept, as many tracklets ask for the same one."""
+        for pair, known in self._flows:
+            if pair == (start, end):
+                return known
+        frames = self.world.frames
+        stored = read_flow(self.tables, frames[start], frames[end])
+        flow = None if stored is None else stored.decode()
+        self._flows.append(((start, end), flow))
+        return flow
 
 
 def unseen(sighting: Sighting) -> bool:

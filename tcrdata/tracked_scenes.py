@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from tcrdata.errors import FrameError, MissingEvidenceError
+from tcrdata.errors import EvidenceError, FrameError, MissingEvidenceError
 from tcrdata.evidence.detector_features import detector_features
 from tcrdata.evidence.ground import Settings as PlaneSettings
 from tcrdata.evidence.ground import ground_plane
@@ -100,29 +100,37 @@ class SceneSource:
     plane: FloatArray | None = None
     model: Model | None = None
 
-    def scenes(self) -> Iterator[tuple[Scene, list[str | None]]]:
-        """Yield every frame that can be read, with the proposals of its candidates."""
+    def scenes(self, failed: Callable[[int, str], None]) -> Iterator[Scene]:
+        """Yield every frame that can be read; the others are told to `failed`, with the reason.
+
+        Raises:
+            EvidenceError: no frame can be read.
+        """
+        read, reason = 0, ""
         for number, frame in self.world.frames.items():
             try:
                 cloud = self.dataset.read_points(frame)
-            except FrameError:
+            except FrameError as error:
+                reason = str(error)
+                failed(number, reason)
                 continue
+            read += 1
             yield self.scene(number, frame, cloud)
+        if not read:
+            raise EvidenceError(f"none of {len(self.world.frames)} frames can be read: {reason}")
 
-    def scene(self, number: int, frame: Frame, cloud: PointCloud) -> tuple[Scene, list[str | None]]:
+    def scene(self, number: int, frame: Frame, cloud: PointCloud) -> Scene:
         """Return one frame."""
         pose = self.world.poses.world_T_level[number]
         kept = ~self._ground(number, cloud)
         points = transform_points(pose, cloud.xyz[kept]).astype(np.float32)
-        rows = self.labels.get(number, [])
-        scene = Scene(
+        return Scene(
             number,
             points,
             self._features(frame, cloud, kept),
-            self._candidates(number, rows),
+            self._candidates(number, self.labels.get(number, [])),
             FrameView(frame, self.sensor, cloud, pose),
         )
-        return scene, [row["proposal_id"] for row in rows]
 
     def _ground(self, number: int, cloud: PointCloud) -> BoolArray:
         """Return (N,) which points are the ground's: as measured, else those near the table."""
@@ -193,9 +201,19 @@ def scene_source(
     name: str,
     sequence: str,
     labels: list[dict[str, Any]],
+    round: int,
     model: Model | None = None,
 ) -> SceneSource:
     """Return what one sequence's scenes are read from.
+
+    Args:
+        store: holds the sequence.
+        dataset: reads its files.
+        name: of the dataset.
+        sequence: the drive or clip.
+        labels: rows of a selection's labels there.
+        round: EM round of the selection: what later ones say of its labels is not heard.
+        model: detector whose features are correlated; None for colour or reflectance.
 
     Raises:
         MissingEvidenceError: the sequence was not built, or has no egomotion.
@@ -216,7 +234,7 @@ def scene_source(
         by_frame[row["frame"]].append(row)
     return SceneSource(
         dataset, info["sensor"], info["metric_scale"], tables, world, by_frame,
-        _heat(store, name, sequence, labels), _plane(store, dataset, world, info), model,
+        _heat(store, name, sequence, labels, round), _plane(store, dataset, world, info), model,
     )  # fmt: skip
 
 
@@ -248,8 +266,10 @@ def _plane(store: Store, dataset: Dataset, world: World, info: dict[str, Any]) -
     return None
 
 
-def _heat(store: Store, name: str, sequence: str, labels: list[dict[str, Any]]) -> dict[str, float]:
-    """Return s * o of each label that a network has judged: the newest round's confidences."""
+def _heat(
+    store: Store, name: str, sequence: str, labels: list[dict[str, Any]], round: int
+) -> dict[str, float]:
+    """Return s * o of each label that a network has judged, in the newest round up to one."""
     wanted = {row["proposal_id"] for row in labels}
     heat: dict[str, dict[str, tuple[int, float]]] = defaultdict(dict)
     for module in ("objectness_2d", "objectness_3d"):
@@ -258,7 +278,8 @@ def _heat(store: Store, name: str, sequence: str, labels: list[dict[str, Any]]) 
             sequence=sequence, module=module,
         ).to_pylist()  # fmt: skip
         for row in rows:
-            if row["proposal_id"] in wanted and row["confidence"] is not None:
+            heard = row["round"] <= round and row["confidence"] is not None
+            if heard and row["proposal_id"] in wanted:
                 known = heat[row["proposal_id"]].get(module, (0, 0.0))
                 heat[row["proposal_id"]][module] = max(known, (row["round"], row["confidence"]))
     return {key: float(np.prod([v for _, v in own.values()])) for key, own in heat.items()}

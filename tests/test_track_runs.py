@@ -10,9 +10,14 @@ import pytest
 from cli_runs import done, refused
 from store_files import digests
 
+from tcrdata.datasets.demo import open_dataset
+from tcrdata.errors import EvidenceError, FrameError, SettingsError
 from tcrdata.rules.binding import EVIDENCE_TABLES
+from tcrdata.settings import parse_assignments
 from tcrdata.store import Store, open_store
 from tcrdata.track_plans import plan_tracking
+from tcrdata.tracked_scenes import scene_source
+from tcrdata.types import Frame
 
 SCENE = "seed=3,frames=6,sequences=1"
 
@@ -121,6 +126,54 @@ def test_a_library_of_zero_entries_still_follows(built: Path, tmp_path: Path) ->
     shutil.copytree(built, store)
     done("track", "--store", store, "--set", "library_entries.min_passable=2", "--workers", 1)
     assert rows(store, "tracklets", library=True)
+
+
+@pytest.mark.parametrize(
+    "setting",
+    ["library.stride_frames=0", "gates.hidden_frames=0", "gates.voxel_m=0",
+     "short.update_sightings=0", "short.correlation.voxel_m=0"],
+)  # fmt: skip
+def test_settings_that_track_nothing_are_refused(built: Path, setting: str) -> None:
+    with pytest.raises(
+        SettingsError, match=rf"track\.{setting.partition('=')[0]}: (at least|above)"
+    ):
+        plan_tracking(
+            open_store(str(built)),
+            str(open_store(str(built)).newest_selection()),
+            assignments=parse_assignments([setting]),
+        )
+
+
+class Unreadable:
+    """A dataset of which some frames can no longer be read."""
+
+    def __init__(self, dataset: Any, lost: set[int]) -> None:
+        self.dataset, self.lost = dataset, lost
+
+    def read_points(self, frame: Frame) -> Any:
+        if frame.frame in self.lost:
+            raise FrameError(f"frame {frame.frame}: gone")
+        return self.dataset.read_points(frame)
+
+    def read_image(self, frame: Frame) -> Any:
+        return self.dataset.read_image(frame)
+
+
+def test_frames_that_cannot_be_read_any_more_are_told_and_none_at_all_is_an_error(
+    built: Path,
+) -> None:
+    store = open_store(str(built))
+    dataset = open_dataset(SCENE)
+    told: list[tuple[int, str]] = []
+
+    def scenes(lost: set[int]) -> list[int]:
+        source = scene_source(store, Unreadable(dataset, lost), "demo", "table_0000", [], 1)
+        return [scene.frame for scene in source.scenes(lambda *row: told.append(row))]
+
+    assert scenes({1, 4}) == [0, 2, 3, 5]
+    assert told == [(1, "frame 1: gone"), (4, "frame 4: gone")]
+    with pytest.raises(EvidenceError, match="none of 6 frames can be read: frame 5: gone"):
+        scenes(set(range(6)))
 
 
 def test_what_cannot_be_tracked_is_said(built: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,35 +42,48 @@ class IdentityScores:
     boxes: int
 
 
-def identity_scores(kind: str, sequences: Sequence[SequenceSeries]) -> IdentityScores:
-    """Score a kind of series over several sequences.
+class IdentitySums:
+    """Scores of one kind of series, sequence by sequence: of each only its sums are kept."""
 
-    Raises:
-        MissingEvidenceError: trackeval is not installed.
-    """
-    metrics = _metrics()
-    parts: dict[str, dict[str, Any]] = {name: {} for name in metrics}
-    truths = boxes = 0
-    for sequence in sequences:
-        data = _arrays(sequence, kind)
-        truths += data["num_gt_dets"]
-        boxes += data["num_tracker_dets"]
-        for name, metric in metrics.items():
-            parts[name][f"{sequence.dataset}/{sequence.sequence}"] = metric.eval_sequence(data)
-    whole = {name: metrics[name].combine_sequences(part) for name, part in parts.items()}
-    hota, clear, identity = whole["HOTA"], whole["CLEAR"], whole["Identity"]
-    return IdentityScores(
-        kind,
-        float(np.mean(hota["HOTA"])),
-        float(np.mean(hota["DetA"])),
-        float(np.mean(hota["AssA"])),
-        float(clear["MOTA"]),
-        float(clear["MOTP"]),
-        float(identity["IDF1"]),
-        int(clear["IDSW"]),
-        truths,
-        boxes,
-    )
+    def __init__(self, kind: str) -> None:
+        """Start with no sequence.
+
+        Raises:
+            MissingEvidenceError: trackeval is not installed.
+        """
+        self._kind = kind
+        self._metrics = _metrics()
+        self._parts: dict[str, dict[str, Any]] = {name: {} for name in self._metrics}
+        self._truths = self._boxes = 0
+
+    def add(self, sequence: SequenceSeries) -> None:
+        """Score one sequence more."""
+        data = _arrays(sequence, self._kind)
+        self._truths += data["num_gt_dets"]
+        self._boxes += data["num_tracker_dets"]
+        name = f"{sequence.dataset}/{sequence.sequence}"
+        for metric, part in self._parts.items():
+            part[name] = self._metrics[metric].eval_sequence(data)
+
+    def scores(self) -> IdentityScores:
+        """Return the scores over all sequences."""
+        whole = {
+            name: metric.combine_sequences(self._parts[name])
+            for name, metric in self._metrics.items()
+        }
+        hota, clear, identity = whole["HOTA"], whole["CLEAR"], whole["Identity"]
+        return IdentityScores(
+            self._kind,
+            float(np.mean(hota["HOTA"])),
+            float(np.mean(hota["DetA"])),
+            float(np.mean(hota["AssA"])),
+            float(clear["MOTA"]),
+            float(clear["MOTP"]),
+            float(identity["IDF1"]),
+            int(clear["IDSW"]),
+            self._truths,
+            self._boxes,
+        )
 
 
 def _metrics() -> dict[str, Any]:

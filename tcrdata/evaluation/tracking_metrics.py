@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from tcrdata.errors import MissingEvidenceError
-from tcrdata.evaluation.identity import IdentityScores, identity_scores
+from tcrdata.evaluation.identity import IdentitySums
 from tcrdata.evaluation.series import TRUTH, SequenceSeries, Series, overlap, series_of
 from tcrdata.evaluation.tracking_scores import (
     Curve,
@@ -50,7 +50,7 @@ def evaluate_tracking(
     """
     own = settings or TrackingSettings()
     sums = _Sums()
-    parts: dict[str, list[SequenceSeries]] = {kind: [] for kind in _SCORED_FOR_IDENTITY}
+    identity, without_identity = _identity_sums()
     found: set[str] = set()
     for sequence in read_sequences(store, selection_id):
         found |= set(sequence.kinds)
@@ -59,8 +59,8 @@ def evaluate_tracking(
             _add_returns(sums, sequence, kind, own)
         for kind in (*STARTED, *FOLLOWED):
             sums.ends.setdefault(kind, []).append(_ends(sequence, kind, own))
-        for scores in parts.values():
-            scores.append(sequence)
+        for part in identity.values():
+            part.add(sequence)
     if not found & {*STARTED, *FOLLOWED}:
         raise MissingEvidenceError(
             "nothing was tracked yet: run `tcrdata track`, and `tcrdata track --init-from truth` "
@@ -74,18 +74,17 @@ def evaluate_tracking(
             Recovery(kind, how, len(values), sum(values))
             for (kind, how), values in sorted(sums.returns.items())
         ),
-        *_identity({kind: part for kind, part in parts.items() if kind in found}),
+        tuple(part.scores() for kind, part in identity.items() if kind in found),
+        without_identity,
     )
 
 
-def _identity(
-    parts: Mapping[str, Sequence[SequenceSeries]],
-) -> tuple[tuple[IdentityScores, ...], str | None]:
-    """Return the scores of each kind, or none and why: the other scores do without the package."""
+def _identity_sums() -> tuple[dict[str, IdentitySums], str | None]:
+    """Return sums for each kind, or none and why: the other scores do without the package."""
     try:
-        return tuple(identity_scores(kind, part) for kind, part in parts.items()), None
+        return {kind: IdentitySums(kind) for kind in _SCORED_FOR_IDENTITY}, None
     except MissingEvidenceError as error:
-        return (), str(error)
+        return {}, str(error)
 
 
 def read_sequences(store: Store, selection_id: str) -> Iterator[SequenceSeries]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from tcrdata.errors import SettingsError
 from tcrdata.types import Float32Array, FloatArray, IntArray
 
 FIRST_FRAMES = 3
@@ -31,6 +32,16 @@ class LibrarySettings:
     stride_frames: int = 5
     fewest_frames: int = 6
     most_frames: int = 40
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no paths.
+
+        Raises:
+            SettingsError: a length that is too small; names it.
+        """
+        for name, least in (("stride_frames", 1), ("fewest_frames", 2), ("most_frames", 2)):
+            if getattr(self, name) < least:
+                raise SettingsError(f"track.library.{name}: at least {least}")
 
 
 @dataclass(frozen=True)

@@ -76,11 +76,9 @@ class BoxView:
     Attributes:
         visible_share: share of rays to the box that nothing stops before it; rays outside the view
             count as stopped.
-        through_share: share of rays that pass through the box and hit something behind it.
     """
 
     visible_share: float
-    through_share: float
 
 
 _SAMPLES = np.array(
@@ -94,30 +92,24 @@ def look(view: View, box: FloatArray, margin_m: float) -> BoxView:
     Args:
         view: of the frame.
         box: in the world.
-        margin_m: a return must be this much nearer than the box to hide it, and this much farther
-            to have passed through.
+        margin_m: a return must be this much nearer than the box to hide it.
     """
     points = from_box(_SAMPLES * box[[3, 5, 4]], box)
     ranges, nearest = view.nearest(points)
-    entry, leave = _crossing(view.origin, points, box)
-    outside = np.isnan(nearest)
+    entry = _entry(view.origin, points, box)
     with np.errstate(invalid="ignore"):
-        hidden = outside | (nearest < entry * ranges - margin_m)
-        through = ~outside & (nearest > leave * ranges + margin_m)
-    return BoxView(float(1 - hidden.mean()), float(through.mean()))
+        hidden = np.isnan(nearest) | (nearest < entry * ranges - margin_m)
+    return BoxView(float(1 - hidden.mean()))
 
 
-def _crossing(
-    origin: FloatArray, points: FloatArray, box: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return where rays through points of a box enter and leave it, as shares of the way there."""
+def _entry(origin: FloatArray, points: FloatArray, box: FloatArray) -> FloatArray:
+    """Return where rays to (N, 3) points of a box enter it, as shares of the way there."""
     start = to_box(origin[None], box)[0]
     way = to_box(points, box) - start
     half = np.maximum(box[[3, 5, 4]] / 2, 1e-6)
     way = np.where(np.abs(way) < 1e-9, 1e-9, way)
     near, far = (-half - start) / way, (half - start) / way
-    low, high = np.minimum(near, far).max(axis=1), np.maximum(near, far).min(axis=1)
-    return np.maximum(low, 0.0), high
+    return np.asarray(np.maximum(np.minimum(near, far).max(axis=1), 0.0))
 
 
 def to_box(points: FloatArray, box: FloatArray) -> FloatArray:

@@ -6,7 +6,7 @@ candidate box was assigned to it, and how much of the expected place can be seen
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 import numpy as np
@@ -46,6 +46,15 @@ class ShortRangeSettings:
     least_visible_share: float = 0.25
     update_sightings: int = 3
 
+    def __post_init__(self) -> None:
+        """Refuse a rhythm of no sighting.
+
+        Raises:
+            SettingsError: `update_sightings` is below 1.
+        """
+        if self.update_sightings < 1:
+            raise SettingsError("track.short.update_sightings: at least 1")
+
 
 @dataclass(frozen=True)
 class Match:
@@ -57,6 +66,7 @@ class Match:
         score: in [0, 1].
         points: in the box; 0 when they were not counted.
         candidate: number of the candidate box that was taken, -1 for none.
+        fit: (7,) box that the template fits; None where none does.
     """
 
     box: FloatArray
@@ -64,6 +74,7 @@ class Match:
     score: float
     points: int
     candidate: int
+    fit: FloatArray | None = None
 
 
 class ShortRange(Protocol):
@@ -87,6 +98,10 @@ class ShortRange(Protocol):
             candidate: number of the candidate that was assigned to the target, or -1.
             seen: what the frame shows of the expected box.
         """
+        ...
+
+    def learn(self, target: Target, scene: Scene, match: Match) -> None:
+        """Take in what a target looks like now; only of the match that is taken."""
         ...
 
 
@@ -116,6 +131,9 @@ class NearestBox:
         box = ridden(target, scene, candidate)
         _ride(target, scene, candidate)
         return Match(box, "nearest", float(scene.candidates.heat[candidate]), 0, candidate)
+
+    def learn(self, target: Target, scene: Scene, match: Match) -> None:
+        """Learn nothing: boxes have no look."""
 
 
 class Correlation:
@@ -148,11 +166,16 @@ class Correlation:
         least = own.least_points_share * template.points * seen.visible_share
         if pose.points < max(least, own.least_points):
             return None
-        if target.sightings % own.update_sightings == 0:
-            target.template = updated(
-                template, pose.box, scene.points, scene.features, own.correlation
-            )
-        return Match(pose.box, "correlation", min(pose.score, 1.0), pose.points, -1)
+        return Match(pose.box, "correlation", min(pose.score, 1.0), pose.points, -1, pose.box)
+
+    def learn(self, target: Target, scene: Scene, match: Match) -> None:
+        """Add the points in the box that fits to the template, at every so manieth sighting."""
+        own, template = self.settings, target.template
+        if template is None or match.fit is None or target.sightings % own.update_sightings:
+            return
+        target.template = updated(
+            template, match.fit, scene.points, scene.features, own.correlation
+        )
 
 
 class Either:
@@ -183,10 +206,15 @@ class Either:
             if candidate >= 0:
                 target.box = correlated.box
                 _ride(target, scene, candidate)
-            return Match(
-                correlated.box, "correlation", correlated.score, correlated.points, candidate
-            )
-        return self._nearest.follow(target, scene, expected, candidate, seen)
+            return replace(correlated, candidate=candidate)
+        nearest = self._nearest.follow(target, scene, expected, candidate, seen)
+        if nearest is None or correlated is None:
+            return nearest
+        return replace(nearest, fit=correlated.fit)
+
+    def learn(self, target: Target, scene: Scene, match: Match) -> None:
+        """Learn as correlation does, from nearest boxes too where the template fits."""
+        self._correlation.learn(target, scene, match)
 
 
 def short_range(name: str, settings: ShortRangeSettings) -> ShortRange:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
+from tcrdata.errors import SettingsError
 from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.scenes import to_box
 from tcrdata.types import Float32Array, FloatArray
@@ -41,6 +42,16 @@ class CorrelationSettings:
     yaw_rad: float = 0.07
     fade: float = 0.95
     away_cost: float = 0.05
+
+    def __post_init__(self) -> None:
+        """Refuse what no volume and no search can be made of.
+
+        Raises:
+            SettingsError: a length, or a number of points, that is not above 0.
+        """
+        for name in ("voxel_m", "most_points", "reach_m"):
+            if not getattr(self, name) > 0:
+                raise SettingsError(f"track.short.correlation.{name}: above 0")
 
     def scaled(self, metric_scale: float) -> CorrelationSettings:
         """Return the settings with metres of this world."""
@@ -114,7 +125,7 @@ def updated(
 ) -> Template:
     """Return a template that has also seen the points in its (7,) box in another frame."""
     inside, local = _near(box, points, box[[3, 5, 4]] / 2 + settings.margin_m / 2)
-    if not len(inside):
+    if not len(inside) or not _comparable(template, features):
         return template
     raw = template.raw * np.float32(settings.fade)
     chosen = np.ascontiguousarray(features[inside])
@@ -130,14 +141,11 @@ def correlate(
     features: Float32Array,
     settings: CorrelationSettings,
 ) -> Pose | None:
-    """Return where a template fits best around a predicted (7,) box; None without points there.
-
-    Steps of a voxel over the ground, up and down; then turns; then steps of a third and a ninth.
-    """
+    """Return where a template fits best around a predicted (7,) box; None without points there."""
     reach = settings.reach_m
     half = box[[3, 5, 4]] / 2
     inside, local = _near(box, points, half + reach)
-    if not len(inside):
+    if not len(inside) or not _comparable(template, features):
         return None
     stride = -(-len(inside) // settings.most_points)
     chosen = inside[::stride]
@@ -150,14 +158,7 @@ def correlate(
     )
     cost = settings.away_cost * len(chosen) / reach
     best = np.zeros(4)
-    v, yaw = template.voxel_m, settings.yaw_rad
-    steps = np.arange(-int(reach / v), int(reach / v) + 1) * v
-    for offsets in (
-        _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
-        _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
-        _grid(*[np.arange(-1, 2) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
-        _grid(*[np.arange(-1, 2) * v / 9] * 3, np.zeros(1)),
-    ):
+    for offsets in _searched(template.voxel_m, reach, settings.yaw_rad):
         tried = best + offsets
         scores = _correlations(*args, tried.astype(np.float32))
         way = np.abs(tried[:, :3]).sum(axis=1) + float(np.hypot(*half[[0, 2]])) * np.abs(
@@ -166,13 +167,32 @@ def correlate(
         scores = scores - cost * way
         best = tried[int(np.argmax(scores))]
     moved = _moved(box, best)
-    there, at = _near(moved, points, half + v / 2)
+    there, at = _near(moved, points, half + template.voxel_m / 2)
     if not len(there):
         return None
     score = _correlations(
         at.astype(np.float32), features[there], *args[2:], np.zeros((1, 4), np.float32)
     )
     return Pose(moved, float(score[0]) / len(there), len(there))
+
+
+def _comparable(template: Template, features: Float32Array) -> bool:
+    """Whether features are of the template's kind: a frame may lack its image or its evidence."""
+    return bool(template.raw.shape[3] == features.shape[1])
+
+
+def _searched(v: float, reach: float, yaw: float) -> tuple[FloatArray, ...]:
+    """Return the (N, 4) offsets (along, down, across, turn) that are tried, one set on another.
+
+    Steps of a voxel v over the ground, up and down; then turns; then steps of a third and a ninth.
+    """
+    steps = np.arange(-int(reach / v), int(reach / v) + 1) * v
+    return (
+        _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
+        _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
+        _grid(*[np.arange(-1, 2) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
+        _grid(*[np.arange(-1, 2) * v / 9] * 3, np.zeros(1)),
+    )
 
 
 def _near(
@@ -210,8 +230,7 @@ def _template(
 ) -> Template:
     """Blur by a voxel, and scale so that the points that it was made of score 1 in the mean.
 
-    The blur is symmetric and nothing is clipped: a template fits its own points best where they
-    are, not beside.
+    Nothing is clipped: a template fits its own points best where they are, not beside.
     """
     volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant", truncate=2.0)
     args = (local.astype(np.float32), features, volume, low.astype(np.float32),

@@ -71,6 +71,7 @@ class Tracker:
         yield from self._give_up(scene)
         volume = make_volume(scene, self._unseen_places(scene), own.voxel_m, own.margin_m)
         claimed = self._follow(scene, volume)
+        yield from self._give_up(scene)
         for hidden in self._hidden:
             hidden.hypotheses.advance(
                 volume, hidden.steps_at(scene.frame) - hidden.hypotheses.steps
@@ -125,6 +126,7 @@ class Tracker:
         passable = float(sample(volume, match.box[None, :3].astype(np.float32))[0])
         # What was matched is object-like as far as it matches.
         passable = max(passable, match.score)
+        self._short.learn(target, scene, match)
         target.see(
             Sighting(
                 scene.frame, match.box, match.found, seen.visible_share, match.score, points,

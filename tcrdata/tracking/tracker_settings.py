@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, TypeVar
 
+from tcrdata.errors import SettingsError
 from tcrdata.tracking.assignment import Gates
 
 if TYPE_CHECKING:
@@ -44,6 +45,19 @@ class TrackerSettings:
     margin_m: float = 0.4
     voxel_m: float = 0.4
     speed_m: float = 0.3
+
+    def __post_init__(self) -> None:
+        """Refuse what no path can be followed with.
+
+        Raises:
+            SettingsError: a time out of sight of no frame, or a length that is not above 0.
+        """
+        for name in ("misses_frames", "hidden_frames"):
+            if getattr(self, name) < 1:
+                raise SettingsError(f"track.gates.{name}: at least 1")
+        for name in ("voxel_m", "speed_m", "link_gate_m"):
+            if not getattr(self, name) > 0:
+                raise SettingsError(f"track.gates.{name}: above 0")
 
     def scaled(self, metric_scale: float) -> TrackerSettings:
         """Return the settings with metres of this world."""

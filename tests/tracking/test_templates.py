@@ -53,3 +53,13 @@ def test_no_points_no_template_and_no_pose() -> None:
     assert template is not None
     assert correlate(template, far, shown.points, shown.features, OWN) is None
     assert updated(template, far, shown.points, shown.features, OWN) is template
+
+
+def test_features_of_another_kind_are_not_compared() -> None:
+    """A frame whose image is missing has other channels."""
+    shown = scene(0, {"a": BOX})
+    template = make_template(BOX, shown.points, shown.features, OWN)
+    assert template is not None
+    for other in (shown.features[:, :2], np.repeat(shown.features, 2, axis=1)):
+        assert correlate(template, BOX, shown.points, other, OWN) is None
+        assert updated(template, BOX, shown.points, other, OWN) is template

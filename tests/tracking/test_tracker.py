@@ -96,6 +96,20 @@ def test_frames_missing_in_the_middle_do_not_end_a_tracklet(tracker: str) -> Non
     assert [[row.frame for row in own] for own in rows.values()] == [frames, frames]
 
 
+@pytest.mark.parametrize("library", [None, EMPTY])
+def test_what_is_gone_after_missing_frames_ends(library: Library | None) -> None:
+    """More frames are missing than anything is waited for."""
+    missing = max(TrackerSettings().misses_frames, TrackerSettings().hidden_frames) + 5
+    frames = [0, 1, 2, missing, missing + 1]
+
+    def world(frame: int) -> dict[str, np.ndarray]:
+        return passing(0) if frame < missing else {"still": passing(0)["still"]}
+
+    rows = followed(world, frames, ("mover", "still"), library)
+    assert [row.frame for row in rows[0]] == [0, 1, 2]
+    assert [row.frame for row in rows[1]] == frames
+
+
 def test_an_object_of_one_frame_is_a_tracklet_of_one_row() -> None:
     def world(frame: int) -> dict[str, np.ndarray]:
         return {"flash": block(0.0, 10.0)} if frame == 2 else {}
