@@ -7,7 +7,7 @@ points: the cross-correlation of the template with the (sparse) volume of the fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +29,7 @@ class CorrelationSettings:
         margin_m: a template reaches this far beyond its box.
         most_points: points of a frame that are matched, at most.
         reach_m: the search goes this far from the prediction, along either axis.
+        lift_m: and this far up and down.
         yaw_rad: the turns that are tried lie this far apart.
         fade: share of a template that an update keeps.
         away_cost: what a pose at the edge of the search loses, in shares of a perfect match: within
@@ -39,6 +40,7 @@ class CorrelationSettings:
     margin_m: float = 0.3
     most_points: int = 160
     reach_m: float = 0.6
+    lift_m: float = 0.3
     yaw_rad: float = 0.07
     fade: float = 0.95
     away_cost: float = 0.05
@@ -55,14 +57,12 @@ class CorrelationSettings:
 
     def scaled(self, metric_scale: float) -> CorrelationSettings:
         """Return the settings with metres of this world."""
-        return CorrelationSettings(
-            self.voxel_m * metric_scale,
-            self.margin_m * metric_scale,
-            self.most_points,
-            self.reach_m * metric_scale,
-            self.yaw_rad,
-            self.fade,
-            self.away_cost,
+        return replace(
+            self,
+            voxel_m=self.voxel_m * metric_scale,
+            margin_m=self.margin_m * metric_scale,
+            reach_m=self.reach_m * metric_scale,
+            lift_m=self.lift_m * metric_scale,
         )
 
 
@@ -177,7 +177,7 @@ def _best_offset(
     in_steps = np.array([1 / v, 1 / v, 1 / v, 1.0])
     centre = (-template.first / v).astype(np.float32)
     best = np.zeros(4)
-    for step, offsets in enumerate(_searched(v, settings.reach_m, settings.yaw_rad)):
+    for step, offsets in enumerate(_searched(v, settings)):
         tried = best + offsets
         score = correlations if step else rough_correlations
         poses = (tried * in_steps).astype(np.float32)
@@ -198,14 +198,18 @@ def _comparable(template: Template, features: Float32Array) -> bool:
     return bool(template.raw.shape[3] == features.shape[1])
 
 
-def _searched(v: float, reach: float, yaw: float) -> tuple[FloatArray, ...]:
+def _searched(v: float, settings: CorrelationSettings) -> tuple[FloatArray, ...]:
     """Return the (N, 4) offsets (along, down, across, turn) that are tried, one set on another.
 
     Steps of a voxel v over the ground, up and down; then turns; then steps of a third and a ninth.
     """
-    steps = np.arange(-int(reach / v), int(reach / v) + 1) * v
+    yaw = settings.yaw_rad
+    steps, lifts = (
+        np.arange(-int(reach / v + 1e-6), int(reach / v + 1e-6) + 1) * v
+        for reach in (settings.reach_m, settings.lift_m)
+    )
     return (
-        _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
+        _grid(steps, lifts, steps, np.zeros(1)),
         _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
         _grid(*[np.arange(-1, 2) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
         _grid(*[np.arange(-1, 2) * v / 9] * 3, np.zeros(1)),
