@@ -144,8 +144,9 @@ def _shifted(place: Any, centre: Any, pose: Any, c: Any, s: Any) -> tuple[Any, A
 @reordered
 def _inside(a: Any, b: Any, d: Any, shape: tuple[int, ...]) -> bool:
     """Whether a place has voxel centres on all sides."""
-    low = a >= 0 and b >= 0 and d >= 0
-    return low and a < shape[0] - 1 and b < shape[1] - 1 and d < shape[2] - 1
+    if a < 0 or b < 0 or d < 0:
+        return False
+    return bool(a < shape[0] - 1 and b < shape[1] - 1 and d < shape[2] - 1)
 
 
 @reordered
