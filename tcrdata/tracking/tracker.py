@@ -152,9 +152,7 @@ class Tracker:
         """Say what holds a target that is out of sight since a few frames, where something does."""
         fresh = hidden.steps_at(frame) <= self._own.contained_frames
         if self._library is not None and hidden.container is None and fresh:
-            hidden.container = container_of(hidden.hypotheses.box(0), self._targets)
-            if hidden.container is not None:
-                hidden.container_box = hidden.container.box
+            hidden.enter(container_of(hidden.hypotheses.box(0), self._targets))
 
     def _give_up(self, scene: Scene) -> Iterator[Finished]:
         """End what has been out of sight for too long."""
