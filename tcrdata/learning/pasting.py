@@ -9,13 +9,14 @@ et al., ST3D, CVPR 2021).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import points_in_box
 from tcrdata.learning.augmentation import SweepAugmentation, yaw_rotation
+from tcrdata.learning.clouds import Cloud, points_of_labels, still_shown
 from tcrdata.networks.center_targets import LabelBoxes
 from tcrdata.networks.grids import Region
 from tcrdata.types import BoolArray, Float32Array, FloatArray, IntArray
@@ -29,62 +30,35 @@ _BEHIND_M = 0.3
 _CELL_RAD = (0.007, 0.0146)
 
 
-@dataclass(frozen=True)
-class Cloud:
-    """The points of a sweep, metres of a road scene, and where each came from.
-
-    Attributes:
-        xyz: (N, 3) level frame.
-        height_m: (N,) above the ground; NaN where unknown.
-        ground: (N,) whether each is ground.
-        origin: (N,) number of the sweep's point that it is, or is a copy of.
-    """
-
-    xyz: Float32Array
-    height_m: Float32Array
-    ground: BoolArray
-    origin: IntArray
-
-    def chosen(self, which: NDArray[np.bool_ | np.integer]) -> Cloud:
-        """Return some of the points."""
-        return Cloud(self.xyz[which], self.height_m[which], self.ground[which], self.origin[which])
-
-    def joined(self, other: Cloud) -> Cloud:
-        """Return the points of both."""
-        names = self.__dataclass_fields__
-        return Cloud(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in names))
-
-
-def labelled_objects(cloud: Cloud, labels: LabelBoxes) -> list[tuple[int, Cloud]]:
+def labelled_objects(cloud: Cloud) -> list[tuple[int, Cloud]]:
     """Return numbers of positive labels and their points, of those that show enough."""
-    solid = np.flatnonzero(~cloud.ground)
-    xyz = cloud.xyz[solid]
-    inside = (
-        (int(number), solid[points_in_box(xyz, labels.boxes[number], 0.1)])
-        for number in np.flatnonzero(labels.positive & np.isfinite(labels.boxes).all(axis=1))
-    )
-    return [(n, cloud.chosen(members)) for n, members in inside if len(members) >= _FEWEST_POINTS]
+    return [
+        (int(number), cloud.chosen(np.flatnonzero(cloud.owner == number)))
+        for number in np.flatnonzero(points_of_labels(cloud.owner, 0) >= _FEWEST_POINTS)
+    ]
 
 
 def with_copies(
     cloud: Cloud,
     labels: LabelBoxes,
     objects: Sequence[tuple[int, Cloud]],
+    whole: IntArray,
     region: Region,
     settings: SweepAugmentation,
     rng: np.random.Generator,
 ) -> tuple[Cloud, LabelBoxes]:
     """Return a sweep and its labels with copies of labelled objects.
 
-    A copy that finds no free ground is dropped, as is one that nearer things hide. What a copy
-    hides is taken out.
+    A copy that finds no free ground is dropped, as is one that nearer things hide, or that leaves
+    too little of a labelled object or of another copy. What a copy hides is taken out.
 
     Args:
         cloud: the points in the region.
         labels: of the frame.
         objects: `labelled_objects` of the whole sweep: those outside of the region, too.
+        whole: (M,) points in the region of each label, before anything of it was hidden.
         region: where copies go.
-        settings: those whose names begin with `pasted`.
+        settings: those whose names begin with `pasted`, and `erased_most`.
         rng: random numbers.
     """
     for _ in range(settings.pasted if objects else 0):
@@ -98,9 +72,15 @@ def with_copies(
         box[1] = floor - box[5] / 2
         copy = _moved(own, labels.boxes[number], box)
         shown, seen = _shadows(cloud.xyz, copy.xyz)
-        if seen.mean() >= 1 - settings.pasted_hidden_share:
-            cloud = cloud.chosen(shown).joined(copy.chosen(seen))
-            labels = _with_box(labels, box, number)
+        left = points_of_labels(cloud.owner[shown], len(labels))
+        if seen.mean() < 1 - settings.pasted_hidden_share or not still_shown(
+            left, whole, settings.erased_most
+        ):
+            continue
+        copy = replace(copy, owner=np.full(len(copy.xyz), len(labels)))
+        cloud = cloud.chosen(shown).joined(copy.chosen(seen))
+        whole = np.append(whole, len(copy.xyz))
+        labels = _with_box(labels, box, number)
     return cloud, labels
 
 
