@@ -133,7 +133,9 @@ def erased_points(
         if not len(seen):
             continue
         center = (seen.min(axis=0) + seen.max(axis=0)) / 2 + shift
-        more = erased | (np.abs(pixels - center).max(axis=1) <= half)
+        more = np.abs(pixels[:, 0] - center[0]) <= half
+        more &= np.abs(pixels[:, 1] - center[1]) <= half
+        more |= erased
         left = points_of_labels(cloud.owner[~more], len(whole))
         if still_shown(left, whole, settings.erased_most):
             erased = more
