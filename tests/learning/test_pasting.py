@@ -77,6 +77,23 @@ def test_copies_stand_in_their_boxes_on_the_ground_of_the_region(seed: int) -> N
     assert labels.moving.all()
 
 
+def test_large_things_are_copied_as_often_as_small_ones_where_there_is_little_room() -> None:
+    rng = np.random.default_rng(3)
+    posts = np.column_stack([rng.uniform(-20, 20, 160), rng.uniform(0, 40, 160)]).repeat(4, axis=0)
+    posts = np.insert(posts, 1, FLOOR_M - 0.4, axis=1) + rng.uniform(-0.1, 0.1, (640, 3))
+    person = np.array([-3.0, FLOOR_M - 0.8, -8.0, 0.6, 0.6, 1.6, 0.0])
+    on_person = person[:3] + rng.uniform(-0.3, 0.3, (300, 3))
+    labels = labels_of(CAR, person)
+    whole = cloud_of(np.vstack([world()[0].xyz, posts, on_person]), labels)
+    shown = whole.chosen(np.flatnonzero(REGION.cells(whole.xyz[:, 0], whole.xyz[:, 2])[1]))
+    lengths = np.concatenate([
+        copied(whole, shown, labels, np.random.default_rng(seed))[1].boxes[2:, 3]
+        for seed in range(10)
+    ])  # fmt: skip
+    assert len(lengths) > 20
+    assert 0.35 < (lengths > 2.0).mean() < 0.65
+
+
 def test_what_is_farther_shows_fewer_points() -> None:
     pairs = []
     for seed in range(8):
