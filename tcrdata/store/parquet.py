@@ -16,6 +16,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from tcrdata.errors import SchemaError, StoreError
+from tcrdata.store.columns import array_of
 from tcrdata.store.commits import FileEntry
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import arrow_schema, is_heavy, other_columns
@@ -178,7 +179,9 @@ class ParquetHandles:
 
 
 def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:
-    """Which rows have `column == value` for every pair; None asks for NULL.
+    """Which rows have `column == value` for every pair, NULL where there is none.
+
+    The value None asks for NULL.
 
     Raises:
         SchemaError: a value's type does not fit its column.
@@ -188,12 +191,18 @@ def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:
     mask: Any = None
     for name, value in equals.items():
         column = rows[name]
-        try:
-            scalar = pa.scalar(value, type=column.type)
-        except (pa.ArrowInvalid, pa.ArrowTypeError) as error:
-            raise SchemaError(f"column {name} cannot equal {value!r}: {error}") from error
-        same = (
-            pc.is_null(column) if value is None else pc.fill_null(pc.equal(column, scalar), False)
-        )
+        if value is None:
+            same = pc.is_null(column)
+        else:
+            same = pc.equal(column, _scalar(name, column.type, value))
         mask = same if mask is None else pc.and_(mask, same)
     return mask
+
+
+def _scalar(name: str, kind: pa.DataType, value: Any) -> pa.Scalar:
+    """A value as one of a column's; Arrow's own scalars would import pandas."""
+    try:
+        array = array_of(kind, [value])
+        return pa.scalar(value, type=kind) if array is None else array[0]
+    except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError) as error:
+        raise SchemaError(f"column {name} cannot equal {value!r}: {error}") from error
