@@ -125,7 +125,11 @@ def _prepare(cue: CueInput) -> _Work:
 
 def _link(work: _Work) -> list[Track]:
     linked = link_clusters(
-        work.clusters, work.world, work.settings.linking, work.cue.info.metric_scale
+        work.clusters,
+        work.world,
+        work.settings.linking,
+        work.cue.info.metric_scale,
+        work.cue.parallel,
     )
     enough = [rows for rows in linked if _goes_anywhere(work, rows)]
     return [Track(i, rows, work.clusters.frame[rows]) for i, rows in enumerate(enough)]

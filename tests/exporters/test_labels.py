@@ -11,7 +11,7 @@ from label_worlds import box, columns_of, frame_row, label_row, make_store, sequ
 
 from tcrdata.errors import MissingEvidenceError, SettingsError, TcrdataError
 from tcrdata.exporters import labels as shared
-from tcrdata.exporters.arrays import matrices
+from tcrdata.store.table_arrays import matrices
 from tcrdata.exporters.labels import ExportOptions, chosen_labels, open_folder
 from tcrdata.store import Store, Unit
 

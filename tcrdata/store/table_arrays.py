@@ -1,6 +1,7 @@
 """Columns of Arrow tables as arrays.
 
-Arrow's own `to_numpy` imports pandas wherever it is installed: half a second that no export needs.
+Arrow's own `to_numpy` imports pandas wherever it is installed: half a second that neither builds
+nor exports need.
 """
 
 from __future__ import annotations
@@ -46,6 +47,15 @@ def matrices(table: pa.Table, name: str, shape: tuple[int, int]) -> FloatArray:
     flat = _values(_whole(column).flatten(), np.float64)
     result[truths(column.is_valid())] = flat.reshape(-1, *shape)
     return result
+
+
+def index_lists(column: pa.ChunkedArray) -> tuple[IntArray, ...]:
+    """Return the lists of whole numbers of a column, an array each; an empty one for NULL."""
+    whole = _whole(column)
+    flat = whole_numbers(pa.chunked_array([whole.flatten()]))
+    lengths = numbers(pa.chunked_array([pc.list_value_length(whole)]))
+    ends = np.cumsum(np.nan_to_num(lengths)).astype(np.int64)
+    return tuple(np.split(flat, ends[:-1])) if len(whole) else ()
 
 
 def rows_at(table: pa.Table, rows: IntArray) -> pa.Table:

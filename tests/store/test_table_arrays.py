@@ -8,7 +8,7 @@ import sys
 import numpy as np
 import pyarrow as pa
 
-from tcrdata.exporters.arrays import (
+from tcrdata.store.table_arrays import (
     by_sequence,
     columns,
     matrices,
@@ -26,7 +26,7 @@ import sys
 
 import duckdb
 
-from tcrdata.exporters.arrays import by_sequence, columns, matrices, rows_at, truths
+from tcrdata.store.table_arrays import by_sequence, columns, matrices, rows_at, truths
 
 table = duckdb.sql(
     "select i, i > 1 as more, if(i = 2, null, [1::double, i]) as pair, "
