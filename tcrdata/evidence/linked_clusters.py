@@ -8,7 +8,7 @@ import numpy as np
 
 from tcrdata.evidence.linking import Detections, LinkingSettings, link
 from tcrdata.evidence.world import World
-from tcrdata.store.table_arrays import index_lists, numbers, rows_at
+from tcrdata.store.table_arrays import index_lists, numbers
 from tcrdata.types import FloatArray, IntArray, Map, Tables
 
 _NUMBERS = (
@@ -55,20 +55,21 @@ def read_clusters(tables: Tables, world: World) -> Clusters:
         range(len(keys["frame"])),
         key=lambda i: (keys["frame"][i], keys["region_id"][i], keys["fit"][i]),
     )
-    chosen, seen = [], set()
+    chosen: list[int] = []
+    seen: set[str] = set()
     for i in order:
         if keys["region_id"][i] not in seen and keys["frame"][i] in world.frames:
             seen.add(keys["region_id"][i])
             chosen.append(i)
-    table = rows_at(table, np.array(chosen, dtype=np.int64))
-    found = {name: numbers(table[name]) for name in _NUMBERS}
+    found = {name: numbers(table[name])[chosen] for name in _NUMBERS}
+    indices = index_lists(table["point_indices"])
     frame = np.array([keys["frame"][i] for i in chosen], dtype=np.int64)
     center = np.stack([found["x_m"], found["y_m"], found["z_m"]], axis=1)
     moved = [world.point_to_world(f, c) for f, c in zip(frame.tolist(), center, strict=True)]
     return Clusters(
         frame=frame,
         numbers=found,
-        indices=index_lists(table["point_indices"]),
+        indices=tuple(indices[i] for i in chosen),
         world=np.array(moved).reshape(-1, 3),
     )
 

@@ -6,7 +6,7 @@ second that no build needs, and looks at each value; these are the kinds that cu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from itertools import chain
 from typing import Any
 
@@ -60,8 +60,8 @@ def _floats(kind: pa.DataType, values: Sequence[float | None] | FloatArray) -> p
 
 
 def _integers(kind: pa.DataType, values: Sequence[int | None]) -> pa.Array:
-    numbers = np.array([value or 0 for value in values], dtype=np.dtype(str(kind)))
-    return _fixed(kind, numbers, _there(values))
+    filled = [value or 0 for value in values] if None in values else values
+    return _fixed(kind, np.array(filled, dtype=np.dtype(str(kind))), _there(values))
 
 
 def _booleans(kind: pa.DataType, values: Sequence[bool | None]) -> pa.Array:
@@ -70,13 +70,17 @@ def _booleans(kind: pa.DataType, values: Sequence[bool | None]) -> pa.Array:
 
 
 def _texts(kind: pa.DataType, values: Sequence[str | None]) -> pa.Array:
-    return _bytes(kind, [None if value is None else value.encode() for value in values])
+    filled = [value or "" for value in values] if None in values else values
+    data = "".join(filled).encode()  # type: ignore[arg-type]
+    offsets = _offsets(filled)
+    if len(data) != offsets[-1]:
+        return _bytes(kind, [None if value is None else value.encode() for value in values])
+    return _variable(kind, values, offsets, data)
 
 
 def _bytes(kind: pa.DataType, values: Sequence[bytes | None]) -> pa.Array:
     filled = [value or b"" for value in values]
-    data = (pa.py_buffer(_offsets(filled)), pa.py_buffer(b"".join(filled)))
-    return pa.Array.from_buffers(kind, len(values), [_validity(_there(values)), *data])
+    return _variable(kind, values, _offsets(filled), b"".join(filled))
 
 
 def _lists(kind: pa.DataType, values: Sequence[Any]) -> pa.Array | None:
@@ -131,18 +135,27 @@ def _fixed(kind: pa.DataType, data: NDArray[Any], there: NDArray[np.bool_]) -> p
     return pa.Array.from_buffers(kind, len(there), [_validity(there), pa.py_buffer(data)])
 
 
+def _variable(
+    kind: pa.DataType, values: Sequence[Any], offsets: NDArray[np.int32], data: bytes
+) -> pa.Array:
+    """Values one after the other in a buffer, whose ends stand in another."""
+    buffers = [_validity(_there(values)), pa.py_buffer(offsets), pa.py_buffer(data)]
+    return pa.Array.from_buffers(kind, len(values), buffers)
+
+
 def _there(values: Sequence[Any]) -> NDArray[np.bool_]:
+    if None not in values:
+        return np.ones(len(values), dtype=bool)
     return np.array([value is not None for value in values], dtype=bool)
 
 
-def _offsets(values: Iterable[Any]) -> NDArray[np.int32]:
+def _offsets(values: Collection[Any]) -> NDArray[np.int32]:
     """Return where each value begins and the last one ends."""
-    lengths = list(map(len, values))
-    if sum(lengths) > np.iinfo(np.int32).max:
-        raise OverflowError(f"{sum(lengths)} bytes or values are too many for one batch")
-    offsets = np.zeros(len(lengths) + 1, np.int32)
-    np.cumsum(lengths, out=offsets[1:])
-    return offsets
+    offsets = np.zeros(len(values) + 1, np.int64)
+    np.cumsum(np.fromiter(map(len, values), np.int64, len(values)), out=offsets[1:])
+    if offsets[-1] > np.iinfo(np.int32).max:
+        raise OverflowError(f"{offsets[-1]} bytes or values are too many for one batch")
+    return offsets.astype(np.int32)
 
 
 def _validity(there: NDArray[np.bool_]) -> pa.Buffer | None:

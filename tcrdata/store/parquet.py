@@ -6,7 +6,7 @@ already are; so one row is read without its neighbours.
 
 from __future__ import annotations
 
-from collections import OrderedDict
+from collections import OrderedDict, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from threading import Lock
@@ -95,6 +95,7 @@ class ParquetHandle:
         self._table = table
         self._lock = Lock()
         self._keys: pa.Table | None = None
+        self._groups: dict[tuple[str, ...], dict[tuple[Any, ...], list[int]]] = {}
         with damage_errors(self.path):
             self._file = pq.ParquetFile(files.open(path), pre_buffer=not files.is_local)
 
@@ -110,7 +111,9 @@ class ParquetHandle:
                 wanted = list(dict.fromkeys([*columns, *equals]))
                 rows = self._file.read(wanted)
                 if equals:
-                    rows = rows.filter(row_mask(rows, equals))
+                    rows = _slices(
+                        rows, _rows_by_values(rows, tuple(equals)).get(_key(rows, equals), [])
+                    )
                 rows = rows.select(list(columns))
         wanted_schema = pa.schema([arrow_schema(self._table).field(name) for name in columns])
         return rows if rows.schema == wanted_schema else rows.cast(wanted_schema)
@@ -119,8 +122,10 @@ class ParquetHandle:
         """Numbers of the row groups that match: each holds one row, so they are the rows'."""
         if self._keys is None:
             self._keys = self._file.read(light_columns(self._table))
-        mask = row_mask(self._keys, equals).to_pylist()
-        return [number for number, matches in enumerate(mask) if matches]
+        names = tuple(equals)
+        if names not in self._groups:
+            self._groups[names] = _rows_by_values(self._keys, names)
+        return self._groups[names].get(_key(self._keys, equals), [])
 
 
 class ParquetHandles:
@@ -178,31 +183,36 @@ class ParquetHandles:
         return pa.concat_tables(found).replace_schema_metadata(chosen.metadata)
 
 
-def row_mask(rows: pa.Table, equals: Mapping[str, Any]) -> Any:
-    """Which rows have `column == value` for every pair, NULL where there is none.
+def _rows_by_values(rows: pa.Table, names: tuple[str, ...]) -> dict[tuple[Any, ...], list[int]]:
+    """Return the numbers of the rows that have each combination of values of some columns."""
+    found: defaultdict[tuple[Any, ...], list[int]] = defaultdict(list)
+    for number, values in enumerate(zip(*(rows[name].to_pylist() for name in names), strict=True)):
+        found[values].append(number)
+    return found
 
-    The value None asks for NULL.
+
+def _key(rows: pa.Table, equals: Mapping[str, Any]) -> tuple[Any, ...]:
+    """Return the values asked for, which their columns must be able to hold.
 
     Raises:
         SchemaError: a value's type does not fit its column.
     """
-    import pyarrow.compute as pc
-
-    mask: Any = None
     for name, value in equals.items():
-        column = rows[name]
-        if value is None:
-            same = pc.is_null(column)
-        else:
-            same = pc.equal(column, _scalar(name, column.type, value))
-        mask = same if mask is None else pc.and_(mask, same)
-    return mask
+        kind = rows.schema.field(name).type
+        try:
+            if array_of(kind, [value]) is None:
+                pa.scalar(value, type=kind)
+        except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError) as error:
+            raise SchemaError(f"column {name} cannot equal {value!r}: {error}") from error
+    return tuple(equals.values())
 
 
-def _scalar(name: str, kind: pa.DataType, value: Any) -> pa.Scalar:
-    """A value as one of a column's; Arrow's own scalars would import pandas."""
-    try:
-        array = array_of(kind, [value])
-        return pa.scalar(value, type=kind) if array is None else array[0]
-    except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError) as error:
-        raise SchemaError(f"column {name} cannot equal {value!r}: {error}") from error
+def _slices(rows: pa.Table, numbers: list[int]) -> pa.Table:
+    """Return some rows, given in rising order.
+
+    Arrow's own filter imports its whole library of functions, which takes longer.
+    """
+    starts = [n for n, before in zip(numbers, [-2, *numbers], strict=False) if n != before + 1]
+    ends = [n + 1 for n, after in zip(numbers, [*numbers[1:], -2], strict=False) if n + 1 != after]
+    parts = [rows.slice(a, b - a) for a, b in zip(starts, ends, strict=True)]
+    return pa.concat_tables([rows.slice(0, 0), *parts])
