@@ -9,7 +9,7 @@ import numpy as np
 from tcrdata.evidence.linking import Detections, LinkingSettings, link
 from tcrdata.evidence.world import World
 from tcrdata.store.table_arrays import index_lists, numbers
-from tcrdata.types import FloatArray, IntArray, Map, Tables
+from tcrdata.types import CueInput, FloatArray, IntArray, Tables
 
 _NUMBERS = (
     "x_m",
@@ -89,11 +89,7 @@ def link_task(task: LinkTask) -> IntArray:
 
 
 def link_clusters(
-    clusters: Clusters,
-    world: World,
-    settings: LinkingSettings,
-    metric_scale: float,
-    parallel: Map,
+    cue: CueInput, clusters: Clusters, world: World, settings: LinkingSettings
 ) -> list[IntArray]:
     """Return the tracks: arrays of cluster numbers, in order of first sighting.
 
@@ -103,7 +99,7 @@ def link_clusters(
     parts = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
     tasks = (LinkTask(_detections(clusters, world, rows), settings, metric_scale) for rows in parts)
     tracks: list[IntArray] = []
-    for rows, labels in zip(parts, parallel(link_task, tasks), strict=True):
+    for rows, labels in zip(parts, cue.parallel(link_task, tasks), strict=True):
         tracks += [rows[labels == number] for number in range(labels.max(initial=-1) + 1)]
     return tracks
 
