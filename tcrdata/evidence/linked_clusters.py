@@ -97,7 +97,8 @@ def link_clusters(
     """
     segments = np.array([world.poses.segment[f] for f in clusters.frame.tolist()], dtype=np.int64)
     parts = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
-    tasks = (LinkTask(_detections(clusters, world, rows), settings, metric_scale) for rows in parts)
+    scale = cue.info.metric_scale
+    tasks = (LinkTask(_detections(clusters, world, rows), settings, scale) for rows in parts)
     tracks: list[IntArray] = []
     for rows, labels in zip(parts, cue.parallel(link_task, tasks), strict=True):
         tracks += [rows[labels == number] for number in range(labels.max(initial=-1) + 1)]
