@@ -31,9 +31,10 @@ PRESET_COLUMNS = {"proposal_id": "VARCHAR", "state": "VARCHAR", "score": "DOUBLE
 KEY_COLUMNS = ("proposal_id", "dataset", "sequence", "frame", "round")
 
 STEADY = frozenset(
-    "* + - / abs coalesce cos count greatest if least list list_avg list_contains list_count "
-    "list_position list_sum list_value list_zip max min row sin sqrt string_split sum ||".split()
-)
+    ("*", "+", "-", "/", "abs", "coalesce", "cos", "count", "greatest", "if", "least", "list",
+     "list_avg", "list_contains", "list_count", "list_position", "list_sum", "list_value",
+     "list_zip", "max", "min", "row", "sin", "sqrt", "string_split", "sum", "||")
+)  # fmt: skip
 """Functions known to say the same every time; DuckDB is asked, which takes a while, of others."""
 
 
@@ -44,14 +45,19 @@ class Reads:
     Attributes:
         tables: evidence tables, sorted.
         columns: columns of `proposals`, in the order of the schema.
+        named: those of them that occur in the text, keys or not.
         passes_id: `proposal_id` is handed on as the first column and not used otherwise.
         row_by_row: by its form the select gives one row for each row of `proposals`.
+        each_alone: by its form no row that the select gives depends on two rows of `proposals`,
+            and each starts with the id of its one.
     """
 
     tables: tuple[str, ...]
     columns: tuple[str, ...]
+    named: tuple[str, ...]
     passes_id: bool
     row_by_row: bool
+    each_alone: bool
 
 
 class Binder:
@@ -106,9 +112,10 @@ class Binder:
             _check_alone(file, tree)
         tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
         known = [name for name, _, _ in schemas.columns("proposals")]
-        read = {*KEY_COLUMNS, *(known if tree.star else tree.words)}
-        columns = tuple(name for name in known if name in read)
-        return Reads(tables, columns, tree.passes_id, tree.row_by_row)
+        read = {*(known if tree.star else tree.words)}
+        columns = tuple(name for name in known if name in {*KEY_COLUMNS, *read})
+        named = tuple(name for name in known if name in read)
+        return Reads(tables, columns, named, tree.passes_id, tree.row_by_row, tree.each_alone)
 
     def _describe(self, file: SqlFile, select: str) -> list[tuple[str, str]]:
         """Names and types of the columns the select gives."""
@@ -218,6 +225,22 @@ class _Tree:
         plain = self._node.get("from_table", {}).get("type") == "BASE_TABLE"
         unnests = {"unnest", "unlist", "generate_subscripts"} & set(self.functions)
         return plain and not unnests and not any(self._node.get(clause) for clause in clauses)
+
+    @property
+    def each_alone(self) -> bool:
+        """Whether it plainly selects `p.proposal_id, ...` from `proposals p` and left joins."""
+        clauses = ("group_expressions", "having", "qualify", "sample", "modifiers")
+        plain = not any(self._node.get(clause) for clause in clauses)
+        if not plain or self.functions or self.classes & {"SUBQUERY", "WINDOW", "STAR"}:
+            return False
+        leaf = self._node.get("from_table", {})
+        while leaf.get("type") == "JOIN" and leaf["join_type"] == "LEFT":
+            leaf = leaf["left"] if leaf["right"].get("type") == "BASE_TABLE" else {}
+        own = leaf.get("table_name") == "proposals" and not leaf.get("sample")
+        (first, *_) = self._node["select_list"]
+        name = leaf.get("alias") or "proposals"
+        once = self.tables.count("proposals") == 1 and set(self.tables) <= set(EVIDENCE_TABLES)
+        return own and once and first.get("column_names") == [name, "proposal_id"]
 
     @cached_property
     def words(self) -> set[str]:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 
 import duckdb
 
 from tcrdata.errors import RuleError
+
+_HANDS_ON = re.compile(r"select\s+(\w+)\.proposal_id\s*,", re.IGNORECASE)
 
 Relations = Mapping[str, str]
 """Evidence table to the SQL that stands for it behind `from`."""
@@ -18,6 +21,17 @@ def scoped(select: str, tables: tuple[str, ...], relations: Relations) -> str:
         f"{table} as not materialized (select * from {relations[table]})" for table in tables
     )
     return f"with {scope}\nselect * from (\n{select}\n)" if scope else select
+
+
+def handing_on(select: str, columns: str) -> str | None:
+    """A select of `p.proposal_id, ...` that gives these columns of `p` in the place of the id.
+
+    None where its text starts otherwise, though it may mean the same.
+    """
+    changed, times = _HANDS_ON.subn(
+        lambda found: f"select {columns.format(p=found[1])},", select, count=1
+    )
+    return changed if times and _HANDS_ON.match(select) else None
 
 
 def quoted(text: str) -> str:

@@ -13,7 +13,7 @@ from tcrdata.errors import SchemaError
 from tcrdata.resources import resource_files
 
 if TYPE_CHECKING:
-    import duckdb
+    pass
 
 SCHEMA_VERSION = 3
 """Version of all tables together; a store made with another one is refused."""

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.binding import Binder
+from tcrdata.rules.binding import STEADY, Binder, unsteady
 from tcrdata.rules.rule_files import load_rule, load_rules
-from tcrdata.rules.binding import STEADY, unsteady
 from tcrdata.rules.sql_files import fill_in, to_literal, uses
 
 HEAD = "-- It is near.\n-- source: none\n-- needs: value <= most_m\n-- cues:\n"
