@@ -211,11 +211,14 @@ def _parameters(
 ) -> tuple[Parameter, ...]:
     """Run the `set variable` lines and read all values back at once."""
     names = [_name_set(path, text, at, statement) for at, statement in settings]
-    _set(path, text, settings, connection)
     if not names:
         return ()
     asked = ", ".join(f"getvariable('{name}'), typeof(getvariable('{name}'))" for name in names)
-    (row,) = connection.execute(f"select {asked}").fetchall()
+    lines = [statement for _, statement in settings]
+    try:
+        (row,) = connection.execute(";\n".join([*lines, f"select {asked}"])).fetchall()
+    except duckdb.Error as error:
+        raise _wrong_setting(path, text, settings, connection) from error
     found = []
     for (at, statement), name, value, type_name in zip(
         settings, names, row[::2], row[1::2], strict=True
@@ -240,20 +243,16 @@ def _name_set(path: Path, text: str, start: int, statement: str) -> str:
     return words[2]
 
 
-def _set(
+def _wrong_setting(
     path: Path, text: str, settings: list[Token], connection: duckdb.DuckDBPyConnection
-) -> None:
-    """Run the `set variable` lines: all at once, and one by one to find the wrong one."""
-    try:
-        connection.execute(";\n".join(statement for _, statement in settings))
-        return
-    except duckdb.Error:
-        pass
+) -> RuleError:
+    """The error of the first line that does not run by itself."""
     for start, statement in settings:
         try:
             connection.execute(statement)
         except duckdb.Error as error:
-            raise RuleError(located(path, _line(text, start), error)) from error
+            return RuleError(located(path, _line(text, start), error))
+    return RuleError(f"{path}:1: its `set variable` lines do not run together")
 
 
 def _kind(value: Any, type_name: str) -> Kind | None:
