@@ -19,7 +19,7 @@ from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.rows import repeated
 from tcrdata.store.views import create_views
 
-BATCH_ROWS = 1_000_000
+BATCH_ROWS = 750_000
 """Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
 
 _BATCH = "batch"  # schema that holds the views of the batch at hand
