@@ -15,7 +15,8 @@ from typing import Any
 import duckdb
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.sql_files import SqlFile, fill_in, located, uses
+from tcrdata.rules.scopes import located
+from tcrdata.rules.sql_files import SqlFile, fill_in, uses
 from tcrdata.store import schemas
 
 EVIDENCE_TABLES = ("proposals", "confidences", "egomotions", "frames", "sequences")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 import duckdb
 
@@ -52,3 +53,17 @@ def run_sql(
 def count(connection: duckdb.DuckDBPyConnection, relation: str) -> int:
     """Number of rows."""
     return int(connection.execute(f"select count(*) from {relation}").fetchall()[0][0])
+
+
+def located(path: Path, first_line: int, error: duckdb.Error) -> str:
+    """One line for a DuckDB error: file, line, what is wrong, what DuckDB suggests.
+
+    Args:
+        path: file the SQL came from.
+        first_line: 1-based line in the file at which that SQL starts.
+        error: its message ends with `LINE n: ...` when DuckDB knows the place.
+    """
+    message, _, place = str(error).partition("\n\nLINE ")
+    number = place.partition(":")[0]
+    line = first_line + int(number) - 1 if number.isdigit() else first_line
+    return f"{path}:{line}: {' '.join(message.split())}"

@@ -16,6 +16,7 @@ from typing import Any, Literal
 import duckdb
 
 from tcrdata.errors import RuleError
+from tcrdata.rules.scopes import located, quoted
 
 Kind = Literal["number", "text", "true or false"]
 Token = tuple[int, str]  # byte offset, text
@@ -209,26 +210,25 @@ def _span(text: str, span: list[Token]) -> Token:
 def _parameters(
     path: Path, text: str, settings: list[Token], connection: duckdb.DuckDBPyConnection
 ) -> tuple[Parameter, ...]:
-    """Run the `set variable` lines and read all values back at once."""
-    names = [_name_set(path, text, at, statement) for at, statement in settings]
-    if not names:
+    """Run the `set variable` lines and read all values back, at once."""
+    if not settings:
         return ()
-    asked = ", ".join(f"getvariable('{name}'), typeof(getvariable('{name}'))" for name in names)
-    lines = [statement for _, statement in settings]
+    names = [_name_set(path, text, *setting) for setting in settings]
+    values = [f"getvariable({quoted(n)}), typeof(getvariable({quoted(n)}))" for n in names]
+    lines = [*(statement for _, statement in settings), f"select {', '.join(values)}"]
     try:
-        (row,) = connection.execute(";\n".join([*lines, f"select {asked}"])).fetchall()
-    except duckdb.Error as error:
-        raise _wrong_setting(path, text, settings, connection) from error
+        (row,) = connection.execute(";\n".join(lines)).fetchall()
+    except duckdb.Error:
+        _run_each(path, text, settings, connection)
+        raise
     found = []
     for (at, statement), name, value, type_name in zip(
         settings, names, row[::2], row[1::2], strict=True
     ):
-        line = _line(text, at)
-        kind = _kind(value, type_name)
+        line, kind = _line(text, at), _kind(value, type_name)
         if kind is None:
-            raise RuleError(
-                f"{path}:{line}: {name} is {type_name}; a parameter is a number, text or boolean"
-            )
+            reason = f"{name} is {type_name}; a parameter is a number, text or boolean"
+            raise RuleError(f"{path}:{line}: {reason}")
         unit, meaning = _comment(text, at + len(statement.encode()))
         found.append(Parameter(name, to_literal(value, kind), kind, unit, meaning, path, line))
     return tuple(found)
@@ -238,21 +238,20 @@ def _name_set(path: Path, text: str, start: int, statement: str) -> str:
     """Name of the variable that a line sets."""
     words = [token.strip() for _, token in _tokens(statement)]
     if len(words) < 5 or words[1].lower() != "variable" or words[3] != "=":
-        line = _line(text, start)
-        raise RuleError(f"{path}:{line}: write `set variable name = value;  -- unit: meaning`")
+        where = f"{path}:{_line(text, start)}"
+        raise RuleError(f"{where}: write `set variable name = value;  -- unit: meaning`")
     return words[2]
 
 
-def _wrong_setting(
+def _run_each(
     path: Path, text: str, settings: list[Token], connection: duckdb.DuckDBPyConnection
-) -> RuleError:
-    """The error of the first line that does not run by itself."""
+) -> None:
+    """Find the line that does not run."""
     for start, statement in settings:
         try:
             connection.execute(statement)
         except duckdb.Error as error:
-            return RuleError(located(path, _line(text, start), error))
-    return RuleError(f"{path}:1: its `set variable` lines do not run together")
+            raise RuleError(located(path, _line(text, start), error)) from error
 
 
 def _kind(value: Any, type_name: str) -> Kind | None:
@@ -291,17 +290,3 @@ def _places(select: str) -> tuple[tuple[int, int, str], ...]:
 def _line(text: str, byte_offset: int) -> int:
     """1-based line of a byte offset."""
     return text.encode()[:byte_offset].count(b"\n") + 1
-
-
-def located(path: Path, first_line: int, error: duckdb.Error) -> str:
-    """One line for a DuckDB error: file, line, what is wrong, what DuckDB suggests.
-
-    Args:
-        path: file the SQL came from.
-        first_line: 1-based line in the file at which that SQL starts.
-        error: its message ends with `LINE n: ...` when DuckDB knows the place.
-    """
-    message, _, place = str(error).partition("\n\nLINE ")
-    number = place.partition(":")[0]
-    line = first_line + int(number) - 1 if number.isdigit() else first_line
-    return f"{path}:{line}: {' '.join(message.split())}"
