@@ -238,7 +238,7 @@ class _Tree:
         while leaf.get("type") == "JOIN" and leaf["join_type"] == "LEFT":
             leaf = leaf["left"] if leaf["right"].get("type") == "BASE_TABLE" else {}
         own = leaf.get("table_name") == "proposals" and not leaf.get("sample")
-        (first, *_) = self._node["select_list"]
+        first = self._node.get("select_list", [{}])[0]
         name = leaf.get("alias") or "proposals"
         once = self.tables.count("proposals") == 1 and set(self.tables) <= set(EVIDENCE_TABLES)
         return own and once and first.get("column_names") == [name, "proposal_id"]
