@@ -32,7 +32,7 @@ demo: setup
 # The kernels compile while the types are checked.
 test: $(STAMP)
 	$(MAKE) --jobs 2 lint types $(WARM)
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 lint: $(STAMP)
 	$(BIN)/ruff check .

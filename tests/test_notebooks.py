@@ -15,8 +15,13 @@ FOLDER = Path(__file__).resolve().parents[1] / "notebooks"
 NOTEBOOKS = sorted(path.name for path in FOLDER.glob("*.ipynb"))
 # Those of one group share a folder, and so the store that the first of them builds.
 GROUPS = (NOTEBOOKS[:3], NOTEBOOKS[3:])
-# What a reader trains for a minute is trained here just far enough to detect and draw something.
-SHORTER = ("steps=120", "steps=40")
+# What takes a reader a minute goes here just far enough to detect and draw something.
+SHORTER = {
+    "steps=120": "steps=40",
+    "build --dataset demo": "build --dataset demo --frames 0-29",
+    "frames=60": "frames=30",
+    "frames=24": "frames=14",
+}
 
 
 def opened(name: str) -> Any:
@@ -41,7 +46,8 @@ def test_they_run_and_draw(
     for name in names:
         notebook = opened(name)
         for cell in code_cells(notebook):
-            cell.source = cell.source.replace(*SHORTER)
+            for long, short in SHORTER.items():
+                cell.source = cell.source.replace(long, short)
         folder = {"metadata": {"path": str(tmp_path)}}
         NotebookClient(notebook, timeout=600, kernel_name="python3", resources=folder).execute()
         assert pictures(notebook) >= 1, name
