@@ -76,7 +76,7 @@ def _to_array(table: str, field: pa.Field, values: Any) -> pa.Array:
         values = values.combine_chunks()
     try:
         if isinstance(values, pa.Array):
-            return values.cast(field.type)
+            return values if values.type == field.type else values.cast(field.type)
         if isinstance(values, np.ndarray) and values.ndim > 1:
             values = list(values.reshape(len(values), -1)) if len(values) else []
         if pa.types.is_map(field.type):
