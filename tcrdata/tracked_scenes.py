@@ -46,6 +46,7 @@ from tcrdata.types import (
 BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _CELLS = LidarCells()
 _UNDECIDED = 0.5
+_HUE, _GREY = np.float32(1.2), np.float32(1.5)
 _ABOVE_M = 0.2  # times the metric scale: depth noise keeps a table about this thick
 
 
@@ -178,9 +179,14 @@ class SceneSource:
 
 
 def colour_features(image: ImageArray, pixels: np.ndarray) -> Float32Array:
-    """Return (N, 4) unit vectors: occupancy, and the colour about a middle grey."""
+    """Return (N, 5) unit vectors: occupancy, the hue as it stands out of the grey, and the grey.
+
+    The hue is taken relative to the grey: it is the same on a thing's dark side.
+    """
     colours = image[pixels[:, 1], pixels[:, 0]].astype(np.float32) / np.float32(255)
-    return unit(np.column_stack([np.ones(len(pixels), np.float32), 1.5 * (colours - 0.45)]))
+    grey = colours.mean(axis=1, keepdims=True)
+    hue = _HUE * (colours - grey) / (grey + np.float32(0.1))
+    return unit(np.column_stack([np.ones_like(grey), hue, _GREY * (grey - 0.35)]))
 
 
 def reflectance_features(reflectance: Float32Array) -> Float32Array:

@@ -29,11 +29,16 @@ def evaluate_tracking(
         json: print protocol and scores as JSON.
     """
     from tcrdata.evaluation.tracking_metrics import evaluate_tracking as score
+    from tcrdata.evaluation.tracking_rows import store_tracking_metrics
+    from tcrdata.evaluation.tracking_scores import TrackingSettings
     from tcrdata.store import open_store
 
     opened = open_store(store)
     chosen = selected(opened, selection)
-    result = score(opened, chosen)
+    settings = TrackingSettings()
+    result = score(opened, chosen, settings)
+    rounds = opened.read("selections", columns=["round"], selection_id=chosen)
+    store_tracking_metrics(opened, chosen, result, settings, rounds["round"][0].as_py())
     if out is not None:
         from tcrdata.track_pictures import draw_tracking
 

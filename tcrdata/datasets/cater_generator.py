@@ -13,21 +13,15 @@ from tcrdata.datasets.cater_stage import FRAMES_PER_SECOND
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.shading import render
 from tcrdata.datasets.specs import Limits, format_spec
-from tcrdata.datasets.tabletop import CAMERA_POSITION, LAMP
+from tcrdata.datasets.tabletop import CAMERA, CAMERA_POSITION, LAMP, MAX_DEPTH_M
 from tcrdata.datasets.views import level_view, looking_at
 from tcrdata.geometry.raycasting import cast
-from tcrdata.types import BoolArray, Camera, FloatArray, ImageArray
+from tcrdata.types import BoolArray, FloatArray, ImageArray
 
 VERSION = 1
-MAX_DEPTH_M = 20.0
 JITTER_M = 0.5
 CAMERAS_AROUND = 6
 MISSING_BLOCK_PX = 4
-CAMERA = Camera(
-    projection=((350.0, 0.0, 160.0, 0.0), (0.0, 350.0, 120.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
-    width_px=320,
-    height_px=240,
-)
 
 
 @dataclass(frozen=True)

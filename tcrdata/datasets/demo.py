@@ -16,13 +16,19 @@ import numpy as np
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.shading import render
 from tcrdata.datasets.specs import Limits, format_spec, parse_spec
-from tcrdata.datasets.tabletop import FRAMES_PER_SECOND, LAMP, build_scene, camera_axes
+from tcrdata.datasets.tabletop import (
+    CAMERA,
+    FRAMES_PER_SECOND,
+    LAMP,
+    MAX_DEPTH_M,
+    build_scene,
+    camera_axes,
+)
 from tcrdata.datasets.truth import exact_flow, truth_rows
 from tcrdata.errors import DatasetError
 from tcrdata.geometry.raycasting import cast
 from tcrdata.geometry.transforms import as_tuples, inverse, transform_points
 from tcrdata.types import (
-    Camera,
     Float32Array,
     FloatArray,
     Frame,
@@ -34,12 +40,6 @@ from tcrdata.types import (
 
 VERSION = 1
 METRIC_SCALE = 0.35
-MAX_DEPTH_M = 20.0
-CAMERA = Camera(
-    projection=((350.0, 0.0, 160.0, 0.0), (0.0, 350.0, 120.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
-    width_px=320,
-    height_px=240,
-)
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,15 @@ from tcrdata.datasets.shading import Light
 from tcrdata.datasets.tabletop_scripts import Move, Script, rotation_about
 from tcrdata.datasets.textures import Material
 from tcrdata.geometry.raycasting import Shape
-from tcrdata.types import FloatArray
+from tcrdata.types import Camera, FloatArray
 
 FRAMES_PER_SECOND = 24
+CAMERA = Camera(
+    projection=((350.0, 0.0, 160.0, 0.0), (0.0, 350.0, 120.0, 0.0), (0.0, 0.0, 1.0, 0.0)),
+    width_px=320,
+    height_px=240,
+)
+MAX_DEPTH_M = 20.0
 CAMERA_POSITION = (7.48, -6.51, 5.34)
 ROUND_FRAMES = 48
 HALF_SIZES = (0.25, 0.5, 0.75)

@@ -15,9 +15,9 @@ from tcrdata.rules.judging import judge
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
 from tcrdata.store import FileEntry, Store, Unit, schemas
+from tcrdata.store.columns import repeated
 from tcrdata.store.compaction import read_bundles
 from tcrdata.store.filesystem import Filesystem
-from tcrdata.store.rows import repeated
 from tcrdata.store.views import create_views
 
 BATCH_ROWS = 750_000

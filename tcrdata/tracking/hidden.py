@@ -50,6 +50,12 @@ class Hidden:
             prior[1:] = 1.0
         return self.hypotheses.best(prior)
 
+    def enter(self, container: Target | None) -> None:
+        """Be inside a target from now on, where there is one."""
+        self.container = container
+        if container is not None:
+            self.container_box = container.box
+
     def ride(self, frame: int) -> None:
         """Move along with the container, as far as that has moved since the last frame."""
         if self.container is not None and self.container.frame == frame:

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.library import Library
 from tcrdata.tracking.scenes import Scene, to_box
+from tcrdata.tracking.volumes import in_voxels, samples
 from tcrdata.types import Float32Array, FloatArray
 
 
@@ -81,11 +80,7 @@ def _passable(
 
 def sample(volume: Volume, points: Float32Array) -> FloatArray:
     """Return (N,) p at (N, 3) points: trilinear in the grid, p itself outside of it."""
-    result = np.zeros(len(points))
-    _sample(
-        volume.values, volume.low.astype(np.float32), np.float32(1 / volume.voxel_m),
-        np.ascontiguousarray(points, dtype=np.float32), result,
-    )  # fmt: skip
+    result = samples(volume.values, in_voxels(points, volume.low, volume.voxel_m))
     outside = np.flatnonzero(np.isnan(result))
     if len(outside):
         result[outside] = _passable(
@@ -106,34 +101,6 @@ def score_paths(paths: Float32Array, volumes: Sequence[Volume]) -> FloatArray:
     for step, volume in enumerate(volumes):
         total += sample(volume, paths[:, step])
     return total / max(len(volumes), 1)
-
-
-@compiled
-def _sample(
-    values: Float32Array,
-    low: Float32Array,
-    inverse: np.floating[Any],
-    points: Float32Array,
-    out: FloatArray,
-) -> None:
-    for i in range(len(points)):
-        a = (points[i, 0] - low[0]) * inverse
-        b = (points[i, 1] - low[1]) * inverse
-        d = (points[i, 2] - low[2]) * inverse
-        u, v, w = int(np.floor(a)), int(np.floor(b)), int(np.floor(d))
-        if (
-            u < 0 or v < 0 or w < 0
-            or u + 1 >= values.shape[0] or v + 1 >= values.shape[1] or w + 1 >= values.shape[2]
-        ):  # fmt: skip
-            out[i] = np.nan
-            continue
-        fu, fv, fw = a - u, b - v, d - w
-        total = 0.0
-        for k in range(8):
-            i0, i1, i2 = k & 1, (k >> 1) & 1, k >> 2
-            weight = (fu if i0 else 1 - fu) * (fv if i1 else 1 - fv) * (fw if i2 else 1 - fw)
-            total += weight * values[u + i0, v + i1, w + i2]
-        out[i] = total
 
 
 class Hypotheses:

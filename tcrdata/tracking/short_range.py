@@ -40,7 +40,7 @@ class ShortRangeSettings:
     """
 
     correlation: CorrelationSettings = field(default_factory=CorrelationSettings)
-    least_score: float = 0.3
+    least_score: float = 0.6
     least_points_share: float = 0.3
     least_points: int = 4
     least_visible_share: float = 0.25

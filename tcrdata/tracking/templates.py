@@ -7,7 +7,7 @@ points: the cross-correlation of the template with the (sparse) volume of the fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from tcrdata.errors import SettingsError
-from tcrdata.tracking.kernels import compiled
 from tcrdata.tracking.scenes import to_box
+from tcrdata.tracking.volumes import correlations, in_voxels, rough_correlations, splat
 from tcrdata.types import Float32Array, FloatArray
 
 
@@ -29,6 +29,7 @@ class CorrelationSettings:
         margin_m: a template reaches this far beyond its box.
         most_points: points of a frame that are matched, at most.
         reach_m: the search goes this far from the prediction, along either axis.
+        lift_m: and this far up and down.
         yaw_rad: the turns that are tried lie this far apart.
         fade: share of a template that an update keeps.
         away_cost: what a pose at the edge of the search loses, in shares of a perfect match: within
@@ -39,6 +40,7 @@ class CorrelationSettings:
     margin_m: float = 0.3
     most_points: int = 160
     reach_m: float = 0.6
+    lift_m: float = 0.3
     yaw_rad: float = 0.07
     fade: float = 0.95
     away_cost: float = 0.05
@@ -55,14 +57,12 @@ class CorrelationSettings:
 
     def scaled(self, metric_scale: float) -> CorrelationSettings:
         """Return the settings with metres of this world."""
-        return CorrelationSettings(
-            self.voxel_m * metric_scale,
-            self.margin_m * metric_scale,
-            self.most_points,
-            self.reach_m * metric_scale,
-            self.yaw_rad,
-            self.fade,
-            self.away_cost,
+        return replace(
+            self,
+            voxel_m=self.voxel_m * metric_scale,
+            margin_m=self.margin_m * metric_scale,
+            reach_m=self.reach_m * metric_scale,
+            lift_m=self.lift_m * metric_scale,
         )
 
 
@@ -73,14 +73,14 @@ class Template:
     Attributes:
         raw: (U, V, W, C) float32, features summed into voxels along length, down, and width.
         volume: the same, smoothed and scaled: its own points score 1 in the mean.
-        low: (3,) the volume's corner in the object's axes, metres.
+        first: (3,) the centre of the first voxel in the object's axes, metres.
         voxel_m: side of a voxel.
         points: points of the object in the frame that was seen last.
     """
 
     raw: Float32Array
     volume: Float32Array
-    low: FloatArray
+    first: FloatArray
     voxel_m: float
     points: int
 
@@ -111,9 +111,10 @@ def make_template(
     shape = tuple(np.maximum(np.ceil(2 * half / settings.voxel_m).astype(int), 3))
     raw = np.zeros((*shape, features.shape[1]), np.float32)
     chosen = np.ascontiguousarray(features[inside])
-    _splat(raw, local.astype(np.float32), chosen, -half.astype(np.float32),
-           np.float32(1 / settings.voxel_m))  # fmt: skip
-    return _template(raw, local, chosen, -half, settings.voxel_m)
+    first = settings.voxel_m / 2 - half
+    places = in_voxels(local, first, settings.voxel_m)
+    splat(raw, places, chosen)
+    return _template(raw, places, chosen, first, settings.voxel_m)
 
 
 def updated(
@@ -129,9 +130,9 @@ def updated(
         return template
     raw = template.raw * np.float32(settings.fade)
     chosen = np.ascontiguousarray(features[inside])
-    _splat(raw, local.astype(np.float32), chosen, template.low.astype(np.float32),
-           np.float32(1 / template.voxel_m))  # fmt: skip
-    return _template(raw, local, chosen, template.low, template.voxel_m)
+    places = in_voxels(local, template.first, template.voxel_m)
+    splat(raw, places, chosen)
+    return _template(raw, places, chosen, template.first, template.voxel_m)
 
 
 def correlate(
@@ -149,31 +150,47 @@ def correlate(
         return None
     stride = -(-len(inside) // settings.most_points)
     chosen = inside[::stride]
-    args = (
-        np.ascontiguousarray(local[::stride], dtype=np.float32),
-        np.ascontiguousarray(features[chosen]),
-        template.volume,
-        template.low.astype(np.float32),
-        np.float32(1 / template.voxel_m),
-    )
-    cost = settings.away_cost * len(chosen) / reach
-    best = np.zeros(4)
-    for offsets in _searched(template.voxel_m, reach, settings.yaw_rad):
-        tried = best + offsets
-        scores = _correlations(*args, tried.astype(np.float32))
-        way = np.abs(tried[:, :3]).sum(axis=1) + float(np.hypot(*half[[0, 2]])) * np.abs(
-            tried[:, 3]
-        )
-        scores = scores - cost * way
-        best = tried[int(np.argmax(scores))]
+    places = in_voxels(local[::stride], template.first, template.voxel_m)
+    best = _best_offset(template, places, features[chosen], half, settings)
     moved = _moved(box, best)
     there, at = _near(moved, points, half + template.voxel_m / 2)
     if not len(there):
         return None
-    score = _correlations(
-        at.astype(np.float32), features[there], *args[2:], np.zeros((1, 4), np.float32)
-    )
-    return Pose(moved, float(score[0]) / len(there), len(there))
+    fit = _fit(template.volume, in_voxels(at, template.first, template.voxel_m), features[there])
+    return Pose(moved, fit, len(there))
+
+
+def _best_offset(
+    template: Template,
+    places: Float32Array,
+    features: Float32Array,
+    half: FloatArray,
+    settings: CorrelationSettings,
+) -> FloatArray:
+    """Return (along, down, across, turn) at which (N, 3) places in voxels fit best, less the way.
+
+    The widest search asks the nearest voxels: a template is smooth enough to be found so.
+    """
+    v = template.voxel_m
+    cost = settings.away_cost * len(places) / settings.reach_m
+    arm = float(np.hypot(half[0], half[2]))
+    in_steps = np.array([1 / v, 1 / v, 1 / v, 1.0])
+    centre = (-template.first / v).astype(np.float32)
+    best = np.zeros(4)
+    for step, offsets in enumerate(_searched(v, settings)):
+        tried = best + offsets
+        score = correlations if step else rough_correlations
+        poses = (tried * in_steps).astype(np.float32)
+        scores = score(template.volume, places, features, centre, poses)
+        scores -= cost * (np.abs(tried[:, :3]).sum(axis=1) + arm * np.abs(tried[:, 3]))
+        best = tried[int(np.argmax(scores))]
+    return best
+
+
+def _fit(volume: Float32Array, places: Float32Array, features: Float32Array) -> float:
+    """Return the mean correlation of (N, C) features where they are."""
+    still, centre = np.zeros((1, 4), np.float32), np.zeros(3, np.float32)
+    return float(correlations(volume, places, features, centre, still)[0]) / len(places)
 
 
 def _comparable(template: Template, features: Float32Array) -> bool:
@@ -181,14 +198,18 @@ def _comparable(template: Template, features: Float32Array) -> bool:
     return bool(template.raw.shape[3] == features.shape[1])
 
 
-def _searched(v: float, reach: float, yaw: float) -> tuple[FloatArray, ...]:
+def _searched(v: float, settings: CorrelationSettings) -> tuple[FloatArray, ...]:
     """Return the (N, 4) offsets (along, down, across, turn) that are tried, one set on another.
 
     Steps of a voxel v over the ground, up and down; then turns; then steps of a third and a ninth.
     """
-    steps = np.arange(-int(reach / v), int(reach / v) + 1) * v
+    yaw = settings.yaw_rad
+    steps, lifts = (
+        np.arange(-int(reach / v + 1e-6), int(reach / v + 1e-6) + 1) * v
+        for reach in (settings.reach_m, settings.lift_m)
+    )
     return (
-        _grid(steps, np.array([-v, 0.0, v]), steps, np.zeros(1)),
+        _grid(steps, lifts, steps, np.zeros(1)),
         _grid(np.array([-v, 0, v]), np.zeros(1), np.array([-v, 0, v]), np.arange(-2, 3) * yaw),
         _grid(*[np.arange(-1, 2) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
         _grid(*[np.arange(-1, 2) * v / 9] * 3, np.zeros(1)),
@@ -226,75 +247,17 @@ def _grid(*axes: NDArray[np.floating[Any]]) -> FloatArray:
 
 
 def _template(
-    raw: Float32Array, local: FloatArray, features: Float32Array, low: FloatArray, voxel_m: float
+    raw: Float32Array,
+    places: Float32Array,
+    features: Float32Array,
+    first: FloatArray,
+    voxel_m: float,
 ) -> Template:
     """Blur by a voxel, and scale so that the points that it was made of score 1 in the mean.
 
     Nothing is clipped: a template fits its own points best where they are, not beside.
     """
     volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant", truncate=2.0)
-    args = (local.astype(np.float32), features, volume, low.astype(np.float32),
-            np.float32(1 / voxel_m))  # fmt: skip
-    own = float(_correlations(*args, np.zeros((1, 4), np.float32))[0]) / len(local)
+    own = _fit(volume, places, features)
     volume = np.ascontiguousarray(volume / np.float32(max(own, 1e-9)))
-    return Template(raw, volume, low, voxel_m, len(local))
-
-
-@compiled
-def _splat(
-    raw: Float32Array,
-    local: Float32Array,
-    features: Float32Array,
-    low: Float32Array,
-    inverse: np.floating[Any],
-) -> None:
-    """Add features to the eight voxels around each point, by their nearness."""
-    for i in range(len(local)):
-        a = (local[i, 0] - low[0]) * inverse - 0.5
-        b = (local[i, 1] - low[1]) * inverse - 0.5
-        d = (local[i, 2] - low[2]) * inverse - 0.5
-        u, v, w = int(np.floor(a)), int(np.floor(b)), int(np.floor(d))
-        if u < 0 or v < 0 or w < 0:
-            continue
-        if u + 1 >= raw.shape[0] or v + 1 >= raw.shape[1] or w + 1 >= raw.shape[2]:
-            continue
-        fu, fv, fw = a - u, b - v, d - w
-        for k in range(8):
-            i0, i1, i2 = k & 1, (k >> 1) & 1, k >> 2
-            weight = (fu if i0 else 1 - fu) * (fv if i1 else 1 - fv) * (fw if i2 else 1 - fw)
-            for c in range(raw.shape[3]):
-                raw[u + i0, v + i1, w + i2, c] += weight * features[i, c]
-
-
-@compiled
-def _correlations(
-    local: Float32Array,
-    features: Float32Array,
-    volume: Float32Array,
-    low: Float32Array,
-    inverse: np.floating[Any],
-    poses: Float32Array,
-) -> FloatArray:
-    """Return the correlation of each pose (along, down, across, turn): trilinear, zero outside."""
-    result = np.zeros(len(poses))
-    for h in range(len(poses)):
-        c, s = np.cos(poses[h, 3]), np.sin(poses[h, 3])
-        total = 0.0
-        for i in range(len(local)):
-            x, z = local[i, 0] - poses[h, 0], local[i, 2] - poses[h, 2]
-            a = (c * x - s * z - low[0]) * inverse - 0.5
-            b = (local[i, 1] - poses[h, 1] - low[1]) * inverse - 0.5
-            d = (s * x + c * z - low[2]) * inverse - 0.5
-            u, v, w = int(np.floor(a)), int(np.floor(b)), int(np.floor(d))
-            if u < 0 or v < 0 or w < 0:
-                continue
-            if u + 1 >= volume.shape[0] or v + 1 >= volume.shape[1] or w + 1 >= volume.shape[2]:
-                continue
-            fu, fv, fw = a - u, b - v, d - w
-            for k in range(8):
-                i0, i1, i2 = k & 1, (k >> 1) & 1, k >> 2
-                weight = (fu if i0 else 1 - fu) * (fv if i1 else 1 - fv) * (fw if i2 else 1 - fw)
-                for channel in range(features.shape[1]):
-                    total += weight * features[i, channel] * volume[u + i0, v + i1, w + i2, channel]
-        result[h] = total
-    return result
+    return Template(raw, volume, first, voxel_m, len(places))

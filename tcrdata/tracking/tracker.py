@@ -77,6 +77,7 @@ class Tracker:
                 volume, hidden.steps_at(scene.frame) - hidden.hypotheses.steps
             )
             hidden.ride(scene.frame)
+            self._hold(hidden, scene.frame)
             hidden.frames.append(scene.frame)
             hidden.seen.append(look(scene.view, hidden.hypotheses.box(hidden.best), own.margin_m))
         self._link(scene, volume, claimed)
@@ -110,14 +111,14 @@ class Tracker:
             seen = look(scene.view, box, own.margin_m)
             match = self._short.follow(target, scene, box, candidate, seen)
             if match is None:
-                lost.append((target, box, seen.visible_share))
+                lost.append(target)
                 continue
             if candidate >= 0:
                 claimed[candidate] = True
             self._see(target, scene, match, volume)
-        gone = {target.number for target, *_ in lost}
+        gone = {target.number for target in lost}
         self._targets = [target for target in self._targets if target.number not in gone]
-        self._hidden += [self._lost(*entry) for entry in lost]
+        self._hidden += [self._lost(target) for target in lost]
         return claimed
 
     def _see(self, target: Target, scene: Scene, match: Match, volume: Volume) -> None:
@@ -134,7 +135,7 @@ class Tracker:
             )
         )  # fmt: skip
 
-    def _lost(self, target: Target, expected: FloatArray, visible_share: float) -> Hidden:
+    def _lost(self, target: Target) -> Hidden:
         """Return a target as out of sight: every path begins where it was seen last."""
         own = self._own
         frames = own.misses_frames if self._library is None else own.hidden_frames
@@ -145,12 +146,13 @@ class Tracker:
         if self._library is not None and len(self._library):
             library = cut(joined(library, self._library), frames)
         hypotheses = Hypotheses(library, target.box, velocity, own.speed_m)
-        hidden = Hidden(target, hypotheses, "interpolated" if self._library is None else "library")
-        if self._library is not None and visible_share < own.contained_share:
-            hidden.container = container_of(expected, self._targets)
-            if hidden.container is not None:
-                hidden.container_box = hidden.container.box
-        return hidden
+        return Hidden(target, hypotheses, "interpolated" if self._library is None else "library")
+
+    def _hold(self, hidden: Hidden, frame: int) -> None:
+        """Say what holds a target that is out of sight since a few frames, where something does."""
+        fresh = hidden.steps_at(frame) <= self._own.contained_frames
+        if self._library is not None and hidden.container is None and fresh:
+            hidden.enter(container_of(hidden.hypotheses.box(0), self._targets))
 
     def _give_up(self, scene: Scene) -> Iterator[Finished]:
         """End what has been out of sight for too long."""

@@ -25,7 +25,7 @@ class TrackerSettings:
         misses_frames: without a library, frames after which a target that is not found ends.
         hidden_frames: with one, the longest time out of sight.
         least_passable: mean p of a path that an object may have taken.
-        contained_share: a target that shows less than this may be inside another.
+        contained_frames: so long after it was lost a target may turn out to be inside another.
         young_frames: a target this young may turn out to be one that came back.
         overlap_iou: a candidate that overlaps a target more is no new one.
         margin_m: a return this much nearer hides what is behind it.
@@ -39,7 +39,7 @@ class TrackerSettings:
     misses_frames: int = 3
     hidden_frames: int = 40
     least_passable: float = 0.99
-    contained_share: float = 0.5
+    contained_frames: int = 5
     young_frames: int = 5
     overlap_iou: float = 0.1
     margin_m: float = 0.4

@@ -10,6 +10,8 @@ from label_worlds import box, columns_of, frame_row, label_row, make_store, sequ
 
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.evaluation.tracking_metrics import evaluate_tracking
+from tcrdata.evaluation.tracking_rows import store_tracking_metrics
+from tcrdata.evaluation.tracking_scores import TrackingSettings
 from tcrdata.store import Store, Unit
 
 _names = itertools.count()
@@ -86,6 +88,24 @@ def test_first_to_last() -> None:
     (ends,) = evaluate_tracking(world(tracklets, []), "s1").ends
     assert (ends.kind, ends.objects, ends.tracklets) == ("tracklet", 2, 2)
     assert (ends.recall, ends.recall_throughout, ends.precision) == (0.5, 0.5, 0.5)
+
+
+def test_scores_are_stored_once_beside_those_of_labels() -> None:
+    store = world(rows("whole", {f: box(3.0, 20.0) for f in range(10)}), [])
+    settings = TrackingSettings()
+    for _ in range(2):
+        store_tracking_metrics(store, "s1", evaluate_tracking(store, "s1"), settings, 1)
+    stored = {
+        (row["metric"], row["iou"]): (row["value"], row["predictions"], row["truths"])
+        for row in store.read("metrics", selection_id="s1").to_pylist()
+    }
+    assert len(stored) == store.read("metrics").num_rows
+    assert stored["tracklet.recall_first_to_last", 0.5] == (0.5, 1, 2)
+    assert stored["tracklet.precision_first_to_last", 0.5] == (1.0, 1, 2)
+    # One of two cars is found, and never lost.
+    assert stored["tracklet.det_a", 0.0][0] == pytest.approx(0.5)
+    assert stored["tracklet.hota", 0.0][0] == pytest.approx(0.5**0.5)
+    assert stored["tracklet.switches", 0.5][0] == 0.0
 
 
 def test_return_after_being_hidden_behind_and_inside() -> None:

@@ -53,7 +53,7 @@ UNGATED = {
     "fewest_modules", "min_motion", "min_sum_of_modules", "min_height_m", "min_range_m",
     "min_box_fill_share", "min_static_age_frames", "min_static_width_m", "min_table_age_frames",
     "min_straightness", "min_straightness_long", "taken_fit", "taken_source",
-    "min_match", "min_hidden_passable", "min_rays", "min_stopped_share",
+    "min_match", "min_hidden_passable", "min_rays", "min_stopped_share", "min_witness",
 }  # fmt: skip
 """Rule parameters whose column is measured on every candidate, whatever its value."""
 

@@ -21,8 +21,8 @@ Write = Callable[[str, str], Path]
 def test_shipped_presets_load_together() -> None:
     assert preset_names() == [
         "detector", "detector_faint", "paper", "paper_ensemble", "release", "release_ensemble",
-        "tabletop", "tabletop_learned", "tcrdata", "tcrdata_learned", "tcrdata_static",
-        "tcrdata_tracked",
+        "tabletop", "tabletop_learned", "tabletop_moving", "tabletop_moving_learned", "tcrdata",
+        "tcrdata_learned", "tcrdata_static", "tcrdata_tracked",
     ]  # fmt: skip
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
@@ -37,6 +37,7 @@ def test_first_rounds_name_who_selects_after_them() -> None:
         "paper": "paper_ensemble",
         "release": "release_ensemble",
         "tabletop": "tabletop_learned",
+        "tabletop_moving": "tabletop_moving_learned",
         "tcrdata": "tcrdata_learned",
         "tcrdata_static": "tcrdata_learned",
         "tcrdata_tracked": "tcrdata_learned",
