@@ -19,11 +19,8 @@ from tcrdata.errors import EvidenceError
 T = TypeVar("T")
 R = TypeVar("R")
 
-PRELOAD = ("tcrdata.evidence.preloading", "tcrdata.cli")
-"""Modules imported once, by the server that the workers are forked from.
-
-A worker imports the main module too: the command line's, when that started the build.
-"""
+PRELOAD = ("tcrdata.evidence.preloading",)
+"""Modules imported once, by the server that the workers are forked from."""
 
 _ONE_THREAD = dict.fromkeys(
     (

@@ -6,7 +6,6 @@ import dataclasses
 import difflib
 import hashlib
 import json
-import tomllib
 import typing
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,6 +37,8 @@ def read_toml(path: str) -> dict[str, str]:
     Raises:
         SettingsError: the file is missing or is no TOML.
     """
+    import tomllib
+
     try:
         tree = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:

@@ -33,6 +33,7 @@ TINY = {
     # Four steps teach little: all that is seen is a candidate.
     "objectness3d.least_score": "0.01",
     "detected_objects.least_score": "0.01",
+    "objectness3d.turn_rad": "0",
 }
 Progress = Any
 

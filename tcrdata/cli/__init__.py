@@ -8,70 +8,26 @@ from typing import NoReturn
 
 from cyclopts import CycloptsError
 
-from tcrdata.cli import (
-    build,
-    check,
-    compact,
-    diff,
-    draw,
-    evaluate,
-    evaluate_flow,
-    evaluate_tracking,
-    export,
-    funnel,
-    models,
-    report,
-    rules,
-    snapshot,
-    sql,
-    status,
-    test_rules,
-    track,
-    train,
-    train_flow,
-    view,
-    views,
-    warm,
-    why,
-)
-from tcrdata.cli.app import app, group
+from tcrdata.cli.app import app
 from tcrdata.errors import TcrdataError
 
+# Named, not imported: a command waits for no module but its own, and the list of all for each.
 for _command in (
-    build.build,
-    check.check,
-    compact.compact,
-    diff.diff,
-    draw.draw,
-    export.export,
-    funnel.funnel,
-    models.models,
-    report.report,
-    rules.rules,
-    snapshot.snapshot,
-    sql.sql,
-    status.status,
-    test_rules.test_rules,
-    track.track,
-    view.view,
-    views.views,
-    warm.warm,
-    why.why,
-):
-    app.command(_command)
-
-group(
-    evaluate.evaluate,
-    flow=evaluate_flow.evaluate_flow,
-    tracking=evaluate_tracking.evaluate_tracking,
-)
-group(train.train, flow=train_flow.train_flow)
+    "build", "check", "compact", "diff", "draw", "export", "funnel", "models", "report", "rules",
+    "snapshot", "sql", "status", "test_rules", "track", "view", "views", "warm", "why",
+):  # fmt: skip
+    app.command(f"tcrdata.cli.{_command}:{_command}")
+for _command in ("evaluate", "train"):
+    app.command(f"tcrdata.cli.groups:{_command}_commands", name=_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command; an error becomes one line on stderr and a non-zero exit."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in tokens
+    if not tokens or tokens[0] in app.help_flags:
+        for name in app:
+            app[name]  # what it does stands in its module
     try:
         code = app([token for token in tokens if token != "--debug"])
         sys.stdout.flush()

@@ -25,13 +25,13 @@ app = App(
 )
 
 
-def group(command: Callable[..., int], **others: Callable[..., int]) -> None:
-    """Add a command that has others below it: `tcrdata train`, and `tcrdata train flow`."""
+def group(command: Callable[..., int], **others: Callable[..., int]) -> App:
+    """Return a command that has others below it: `tcrdata train`, and `tcrdata train flow`."""
     own = App(name=command.__name__, help_format="plaintext")
     own.default(command)
     for name, other in others.items():
         own.command(other, name=name)
-    app.command(own)
+    return own
 
 
 def listed(text: str | None) -> tuple[str, ...] | None:

@@ -7,7 +7,13 @@ from itertools import pairwise
 
 import numpy as np
 
-from tcrdata.evidence.path_smoothing import HeadingModel, course, smooth_heading, wrapped
+from tcrdata.evidence.path_smoothing import (
+    HeadingModel,
+    course,
+    gradient,
+    smooth_heading,
+    wrapped,
+)
 from tcrdata.evidence.sightings import RefinementSettings, Sightings
 from tcrdata.geometry.boxes import l_shape_box
 from tcrdata.types import FloatArray, IntArray
@@ -63,7 +69,7 @@ def _slip(
     """Return (N,) by how much the course of the centre turns ahead of the body."""
     if len(path) < 3:
         return np.zeros(len(path))
-    step = np.hypot(*np.gradient(path, axis=0).T)
-    curvature = np.gradient(yaw) / np.maximum(step, settings.path_m)
+    step = np.hypot(*gradient(path).T)
+    curvature = gradient(yaw) / np.maximum(step, settings.path_m)
     limit = settings.curvature_1pm
     return np.asarray(np.arctan(settings.slip_share * length * np.clip(curvature, -limit, limit)))

@@ -6,30 +6,24 @@ whatever its source, gets a confidence of module `objectness_3d`: the largest he
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
+from tcrdata.evidence.detector_looks import looked
 from tcrdata.evidence.models import Model, ModelChoice, network_of, read_model
 from tcrdata.evidence.objectness_boxes import (
     SOURCE,
     detected_columns,
-    footprint_heat,
     on_the_ground,
 )
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
 from tcrdata.evidence.proposal_columns import Columns
 from tcrdata.types import CueInput, Dataset, FloatArray, Frame, Rows, Sensor
-
-if TYPE_CHECKING:
-    import torch
-
-    from tcrdata.networks.grids import Sweep
-    from tcrdata.networks.trained import Trained
 
 NEEDS: tuple[str, ...] = ("ground", "odometry", "free_space")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
@@ -57,6 +51,9 @@ class Settings:
         least_score: what is fainter is noise, not a candidate.
         same_iou: of boxes that overlap more, from above, the surer one stays.
         mirrored: whether to look at the mirror image of each frame, too, and take the mean.
+        turn_rad: the detector looks twice more, at each frame turned so much either way, and the
+            boxes are fused; 0 for once.
+        fused_iou: of several looks, boxes that overlap more are one object's.
         front_m: a return this much nearer hides a box's outline; times the metric scale.
         chunk_frames: frames an item of work.
         threads: torch's, in each worker.
@@ -69,6 +66,8 @@ class Settings:
     least_score: float = 0.05
     same_iou: float = 0.2
     mirrored: bool = True
+    turn_rad: float = 0.2
+    fused_iou: float = 0.3
     front_m: float = 0.5
     chunk_frames: int = 8
     threads: int = 1
@@ -169,7 +168,7 @@ def _measure_chunk(
 def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     import torch
 
-    from tcrdata.networks.decoding import DecodeSettings, decode
+    from tcrdata.networks.decoding import DecodeSettings
     from tcrdata.networks.grids import Sweep
 
     torch.set_num_threads(chunk.settings.threads)
@@ -181,16 +180,15 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     colours = _colours(chunk, item, trained.module, cloud.xyz)
     sweep = Sweep(xyz, height, evidence["ground"], colours)
     own = chunk.settings
-    outputs = _outputs(trained, sweep, own.mirrored)
-    region = trained.settings.region.coarser(trained.settings.stride)
-    peaks = DecodeSettings(own.window, own.most, own.least_score, own.same_iou)
-    (found,) = decode(outputs, region, peaks, trained.settings.volume_top_m)
-    boxes = on_the_ground(found.boxes, xyz, height)
-    boxes[:, :6] *= chunk.metric_scale
-    heat = torch.sigmoid(outputs["center"])[0].amax(dim=tuple(range(outputs["center"].ndim - 3)))
     known = item.known.boxes.copy()
     known[:, :6] /= chunk.metric_scale
-    confidences = footprint_heat(heat.numpy(), known, region)
+    peaks = DecodeSettings(own.window, own.most, own.least_score, own.same_iou)
+    found, confidences = looked(
+        trained, sweep, known, peaks,
+        mirrored=own.mirrored, turn_rad=own.turn_rad, fused_iou=own.fused_iou,
+    )  # fmt: skip
+    boxes = on_the_ground(found.boxes, xyz, height)
+    boxes[:, :6] *= chunk.metric_scale
     columns = detected_columns(
         boxes, item.frame, chunk.sensor, cloud.xyz, evidence, own.front_m, chunk.metric_scale,
         chunk.round,
@@ -199,20 +197,6 @@ def _measure(chunk: _Chunk, item: _Item) -> list[tuple[str, Columns]]:
     values = [*found.scores.tolist(), *confidences]
     rows = _confidences(item.frame.frame, ids, values)
     return [("proposals", columns), ("confidences", rows)] if ids else []
-
-
-def _outputs(trained: Trained, sweep: Sweep, mirrored: bool) -> Mapping[str, torch.Tensor]:
-    """Return what the network says of a sweep, or the mean with its word on the mirror image."""
-    import torch
-
-    from tcrdata.networks.mirrored import mirrored_mean
-
-    image = torch.from_numpy(trained.module.image_of(sweep, trained.settings))[None]
-    with torch.inference_mode():
-        if mirrored:
-            return mirrored_mean(trained.network, image)
-        outputs: Mapping[str, torch.Tensor] = trained.network(image)
-        return outputs
 
 
 def _colours(chunk: _Chunk, item: _Item, module: Any, xyz: Any) -> Any:

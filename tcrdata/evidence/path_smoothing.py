@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tcrdata.evidence.kernels import compiled
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
-# Third and second differences of neighbouring values.
+# Third, second and first differences of neighbouring values.
 _JERK = np.array([-1.0, 3.0, -3.0, 1.0])
 _ACCELERATION = np.array([1.0, -2.0, 1.0])
+_TURN = np.array([-1.0, 1.0])
 
 
 def smooth_path(
@@ -35,8 +37,6 @@ def smooth_path(
         acceleration_m: standard deviation of the second difference, metres; wide, it only makes
             gaps and short paths well posed.
     """
-    from scipy.linalg import solveh_banded
-
     banded = np.zeros((7, 2 * count))
     right = np.zeros(2 * count)
     np.add.at(banded[0], 2 * index, information[:, 0, 0])
@@ -46,28 +46,45 @@ def smooth_path(
     np.add.at(right, 2 * index, pull[:, 0])
     np.add.at(right, 2 * index + 1, pull[:, 1])
     for stencil, deviation in ((_JERK, jerk_m), (_ACCELERATION, acceleration_m)):
-        _add_differences(banded, stencil, count, 2, 1 / deviation**2)
+        _add_differences(banded, stencil, 2, np.full(count, 1 / deviation**2))
     # A floor for what nothing determines, such as the slope of a path of one sighting.
     banded[0] += 1e-9
     right += 1e-9 * np.tile(position.mean(axis=0), count)
-    solution: FloatArray = solveh_banded(banded, right, lower=True)
-    return solution.reshape(count, 2)
+    return _solved(banded, right).reshape(count, 2)
 
 
+@compiled
 def _add_differences(
-    banded: FloatArray, stencil: FloatArray, count: int, stride: int, weight: float | FloatArray
+    banded: FloatArray, stencil: FloatArray, stride: int, weights: FloatArray
 ) -> None:
-    """Add weight * sum (stencil . values)^2 to a lower banded matrix of interleaved values."""
-    steps = count - len(stencil) + 1
-    if steps <= 0:
-        return
-    weights = np.repeat(np.broadcast_to(weight, steps), stride)
+    """Add sum weight (stencil . values)^2 to a lower banded matrix of interleaved values.
+
+    The first so many weights count as there are places for the stencil.
+    """
+    steps = banded.shape[1] // stride - len(stencil) + 1
     for a in range(len(stencil)):
         for b in range(a + 1):
-            first = stride * b
-            banded[stride * (a - b), first : first + stride * steps] += (
-                stencil[a] * stencil[b] * weights
-            )
+            for i in range(max(steps, 0) * stride):
+                banded[stride * (a - b), stride * b + i] += (
+                    stencil[a] * stencil[b] * weights[i // stride]
+                )
+
+
+def _solved(banded: FloatArray, right: FloatArray) -> FloatArray:
+    """Return the solution of a symmetric positive definite system, lower bands given.
+
+    Raises:
+        LinAlgError: the matrix is none, or holds what is no number.
+    """
+    from scipy.linalg import lapack
+
+    if len(banded) == 2:
+        _, _, solution, failed = lapack.dptsv(banded[0], banded[1, :-1], right)
+    else:
+        _, solution, failed = lapack.dpbsv(banded, right, lower=True)
+    if failed or not np.isfinite(solution).all():
+        raise np.linalg.LinAlgError("what is smoothed is not determined")
+    return np.asarray(solution)
 
 
 @dataclass(frozen=True)
@@ -90,7 +107,7 @@ def course(path: FloatArray, position_m: float) -> tuple[FloatArray, FloatArray]
 
     A step's direction weighs (its length / position_m)^2, in 1 / rad^2.
     """
-    step = np.gradient(path, axis=0) if len(path) > 1 else np.zeros((1, 2))
+    step = gradient(path)
     chord = _chords(path)
     reference = _held(np.arctan2(-chord[:, 1], chord[:, 0]), np.hypot(*chord.T) > 4 * position_m)
     direction = np.arctan2(-step[:, 1], step[:, 0])
@@ -109,19 +126,23 @@ def smooth_heading(
         path: (N, 2) the path, whose steps allow turning.
         model: how headings vary.
     """
-    from scipy.linalg import solveh_banded
-
     count = len(path)
     banded = np.zeros((3, count))
     banded[0] = weights + 1e-9
-    _add_differences(banded, _ACCELERATION, count, 1, 1 / model.turn_rad**2)
+    _add_differences(banded, _ACCELERATION, 1, np.full(count, 1 / model.turn_rad**2))
     step = np.hypot(*np.diff(path, axis=0).T)
     spread = model.curvature_1pm * step + model.still_rad
-    _add_differences(banded, np.array([-1.0, 1.0]), count, 1, 1 / spread**2)
-    solution: FloatArray = solveh_banded(
-        banded[: min(count, 3)], (weights + 1e-9) * angles, lower=True
-    )
-    return solution
+    _add_differences(banded, _TURN, 1, 1 / spread**2)
+    return _solved(banded[: min(count, 3)], (weights + 1e-9) * angles)
+
+
+def gradient(values: FloatArray) -> FloatArray:
+    """Return the central differences of (N, ...) values, one-sided at both ends; 0 for one."""
+    result = np.zeros_like(values)
+    if len(values) > 1:
+        result[1:-1] = (values[2:] - values[:-2]) / 2.0
+        result[0], result[-1] = values[1] - values[0], values[-1] - values[-2]
+    return result
 
 
 def _chords(path: FloatArray, reach: int = 5) -> FloatArray:

@@ -5,13 +5,14 @@ Each function takes the N boxes (or regions) of one frame and returns whole colu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.geometry.boxes import box_corners_bev, edge_distance
+from tcrdata.geometry.boxes import box_corners_bev
 from tcrdata.types import FloatArray, Frame, ImageArray, IntArray
 
 Columns = dict[str, list[Any]]
@@ -25,6 +26,14 @@ _EDGES = np.array(
 def merged(*parts: Columns) -> Columns:
     """Return the columns of all parts side by side."""
     return {name: values for part in parts for name, values in part.items()}
+
+
+def stacked(parts: Sequence[Columns]) -> Columns:
+    """Return the rows of some parts, at least one, one after the other; all have the same columns.
+
+    A store takes a few long batches in less time than many short ones.
+    """
+    return {name: [value for part in parts for value in part[name]] for name in parts[0]}
 
 
 def key_columns(
@@ -75,10 +84,7 @@ def box_columns(boxes: NDArray[np.floating], frame: Frame) -> Columns:
     columns: Columns = {name: boxes[:, i].tolist() for i, name in enumerate(names)}
     sensor = frame.sensor_matrix[:3, 3]
     columns["range_m"] = np.hypot(boxes[:, 0] - sensor[0], boxes[:, 2] - sensor[2]).tolist()
-    projections = [_projection(box, frame) for box in boxes]
-    for name in _PROJECTED:
-        columns[name] = [p.get(name) for p in projections]
-    return columns
+    return columns | _projections(boxes, frame)
 
 
 _PROJECTED = (
@@ -92,42 +98,51 @@ _PROJECTED = (
 )
 
 
-def box_corners(box: NDArray[np.floating]) -> FloatArray:
-    """Return the (8, 3) corners of a (7,) box: four at the top, then four at the bottom."""
-    xz = box_corners_bev(box[None])[0]
-    result = np.empty((8, 3))
-    result[:, [0, 2]] = np.vstack([xz, xz])
-    result[:4, 1] = box[1] - box[5] / 2
-    result[4:, 1] = box[1] + box[5] / 2
+def box_corners(boxes: NDArray[np.floating]) -> FloatArray:
+    """Return the (N, 8, 3) corners of (N, 7) boxes: four at the top, then four at the bottom."""
+    xz = box_corners_bev(boxes)
+    result = np.empty((len(xz), 8, 3))
+    result[:, :4, [0, 2]] = result[:, 4:, [0, 2]] = xz
+    result[:, :4, 1] = (boxes[:, 1] - boxes[:, 5] / 2)[:, None]
+    result[:, 4:, 1] = (boxes[:, 1] + boxes[:, 5] / 2)[:, None]
     return result
 
 
-def _projection(box: FloatArray, frame: Frame) -> dict[str, float]:
-    """Return the 2D columns of one box; without a camera, or behind it, none."""
+def _projections(boxes: FloatArray, frame: Frame) -> Columns:
+    """Return the 2D columns of N boxes; None without a camera, or where a box is behind it."""
     matrix = frame.level_projection
-    if matrix is None or frame.camera is None:
-        return {}
-    center = matrix[:, :3] @ box[:3] + matrix[:, 3]
-    if center[2] <= _NEAR_PLANE_M:
-        return {}
-    outline = _visible_outline(box_corners(box) @ matrix[:, :3].T + matrix[:, 3])
-    low, high = outline.min(axis=0), outline.max(axis=0)
+    if matrix is None or frame.camera is None or not len(boxes):
+        return {name: [None] * len(boxes) for name in _PROJECTED}
+    center = np.matmul(matrix[:, :3], boxes[:, :3, None])[:, :, 0] + matrix[:, 3]
+    ahead = center[:, 2] > _NEAR_PLANE_M
+    outline = box_corners(boxes[ahead]) @ matrix[:, :3].T + matrix[:, 3]
+    values = np.full((len(boxes), len(_PROJECTED)), np.nan)
+    values[ahead, 4:6] = center[ahead, :2] / center[ahead, 2:]
     size = np.array([frame.camera.width_px, frame.camera.height_px], dtype=np.float64)
+    low, high = _spans(outline)
     left_top, right_bottom = np.clip(low, 0.0, size), np.clip(high, 0.0, size)
-    inside = float(np.prod(right_bottom - left_top))
-    result = {
-        "center_u_px": float(center[0] / center[2]),
-        "center_v_px": float(center[1] / center[2]),
-        "truncated_share": 1.0 - inside / max(float(np.prod(high - low)), 1e-9),
-    }
-    if inside > 0:
-        result |= {
-            "left_px": float(left_top[0]),
-            "top_px": float(left_top[1]),
-            "right_px": float(right_bottom[0]),
-            "bottom_px": float(right_bottom[1]),
-        }
-    return result
+    inside = np.prod(right_bottom - left_top, axis=1)
+    values[ahead, 6] = 1.0 - inside / np.maximum(np.prod(high - low, axis=1), 1e-9)
+    values[ahead, :4] = np.where(
+        inside[:, None] > 0, np.concatenate([left_top, right_bottom], axis=1), np.nan
+    )
+    columns = zip(_PROJECTED, values.T.tolist(), strict=True)
+    return {name: [None if v != v else v for v in column] for name, column in columns}
+
+
+def _spans(corners: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and highest (N, 2) pixels of (N, 8, 3) homogeneous corners.
+
+    Boxes are cut at the plane near the camera.
+    """
+    cut = np.asarray((corners[:, :, 2] <= _NEAR_PLANE_M).any(axis=1))
+    depths = np.where(cut[:, None, None], 1.0, corners[:, :, 2:])
+    pixels = corners[:, :, :2] / depths
+    low, high = pixels.min(axis=1), pixels.max(axis=1)
+    for i in np.flatnonzero(cut):
+        visible = _visible_outline(corners[i])
+        low[i], high[i] = visible.min(axis=0), visible.max(axis=0)
+    return low, high
 
 
 def _visible_outline(corners: FloatArray) -> FloatArray:
@@ -170,26 +185,31 @@ def vote_columns(
     members: Sequence[IntArray], votes_free: ImageArray, votes_static: ImageArray
 ) -> Columns:
     """Return what the free-space votes (points of the frame,) say of N regions."""
-    columns: Columns = {
-        name: []
-        for name in (
-            "core_points",
-            "core_share",
-            "votes_free_mean",
-            "votes_static_mean",
-            "free_share",
-        )
+    counts = [len(m) for m in members]
+    chosen = np.concatenate([np.empty(0, np.int64), *members])
+    free, static = votes_free[chosen], votes_static[chosen]
+    # The definition of the column core_points; what share is enough is for rules to say.
+    core = (free >= 2) & (free > static)
+    core_points = _sums(core, counts)
+    return {
+        "core_points": core_points,
+        "core_share": _shares(core_points, counts),
+        "votes_free_mean": _shares(_sums(free, counts), counts),
+        "votes_static_mean": _shares(_sums(static, counts), counts),
+        "free_share": _shares(_sums(free > static, counts), counts),
     }
-    for m in members:
-        free, static = votes_free[m].astype(np.float64), votes_static[m].astype(np.float64)
-        # The definition of the column core_points; what share is enough is for rules to say.
-        core = (free >= 2) & (free > static)
-        columns["core_points"].append(int(core.sum()))
-        columns["core_share"].append(float(core.mean()) if len(m) else None)
-        columns["votes_free_mean"].append(float(free.mean()) if len(m) else None)
-        columns["votes_static_mean"].append(float(static.mean()) if len(m) else None)
-        columns["free_share"].append(float((free > static).mean()) if len(m) else None)
-    return columns
+
+
+def _sums(values: NDArray[Any], counts: list[int]) -> list[int]:
+    """Return the sum of each run of whole numbers, given how long the runs are."""
+    totals = np.concatenate([[0], np.cumsum(values, dtype=np.int64)])
+    ends = np.cumsum([0, *counts])
+    sums: list[int] = (totals[ends[1:]] - totals[ends[:-1]]).tolist()
+    return sums
+
+
+def _shares(sums: Sequence[float], counts: list[int]) -> list[float | None]:
+    return [float(total) / n if n else None for total, n in zip(sums, counts, strict=True)]
 
 
 def outline_columns(
@@ -204,8 +224,24 @@ def outline_columns(
         points_xz: (M, 2) points (x, z) of each box.
         edge_margin_m: a point this near a side lies on it.
     """
-    gaps = [edge_distance(xz, box) for xz, box in zip(points_xz, boxes, strict=True)]
+    counts = [len(xz) for xz in points_xz]
+    gaps = _edge_gaps(np.asarray(boxes, dtype=np.float64), points_xz, counts)
+    sums = [np.add.reduce(g) for g in np.split(gaps, np.cumsum(counts)[:-1])] if counts else []
     return {
-        "edge_share": [float((g <= edge_margin_m).mean()) if len(g) else None for g in gaps],
-        "fit_residual_m": [float(g.mean()) if len(g) else None for g in gaps],
+        "edge_share": _shares(_sums(gaps <= edge_margin_m, counts), counts),
+        "fit_residual_m": _shares(sums, counts),
     }
+
+
+def _edge_gaps(
+    boxes: FloatArray, points_xz: Sequence[NDArray[np.floating]], counts: list[int]
+) -> FloatArray:
+    """Return how far each point is from its box's nearest side, box after box."""
+    xz = np.concatenate([np.empty((0, 2), np.float32), *points_xz])
+    turns = [[math.cos(yaw), math.sin(yaw)] for yaw in boxes[:, 6].tolist()]
+    poses = np.column_stack([boxes[:, [0, 2]], np.reshape(turns, (-1, 2))]).astype(xz.dtype)
+    x, z, c, s = np.repeat(poses, counts, axis=0).T
+    dx, dz = xz[:, 0] - x, xz[:, 1] - z
+    local = np.abs(np.stack([dx * c - dz * s, dx * s + dz * c], axis=1)).astype(np.float64)
+    halves = np.repeat(boxes[:, 3:5] / 2, counts, axis=0)
+    return np.asarray(np.abs(halves - local).min(axis=1))

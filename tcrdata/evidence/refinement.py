@@ -10,23 +10,18 @@ atan(distance to the rear axle * curvature).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
-import numba
 import numpy as np
 
 from tcrdata.evidence.body_heading import body_heading, shape_headings
+from tcrdata.evidence.kernels import compiled
 from tcrdata.evidence.path_smoothing import smooth_path
 from tcrdata.evidence.sightings import RefinedPath, RefinementSettings, Sightings
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
-_Function = TypeVar("_Function", bound=Callable[..., object])
-_compiled: Callable[[_Function], _Function] = numba.njit(cache=True)
 
-
-@_compiled
+@compiled
 def _extents(xz: FloatArray, offsets: IntArray, yaw: FloatArray) -> FloatArray:
     """Return (n, 4): low and high end along the heading, low and high end across it."""
     result = np.empty((len(yaw), 4))
@@ -121,9 +116,27 @@ def _seen_size(
         counts: (n,) frames that may set the size, at least one.
         settings: scaled to the world.
     """
-    length = float(np.quantile((extents[:, 1] - extents[:, 0])[counts], settings.length_quantile))
-    width = float(np.quantile((extents[:, 3] - extents[:, 2])[counts], settings.width_quantile))
+    length = quantile((extents[:, 1] - extents[:, 0])[counts], settings.length_quantile)
+    width = quantile((extents[:, 3] - extents[:, 2])[counts], settings.width_quantile)
     return length + settings.pad_m, width + settings.pad_m
+
+
+def quantile(values: FloatArray, share: float) -> float:
+    """Return a quantile of (N,) numbers, N >= 1, as `np.quantile` has it, in a tenth of its time.
+
+    Args:
+        values: none of them NaN.
+        share: in [0, 1].
+    """
+    place = (len(values) - 1) * share
+    below = math.floor(place)
+    above = min(below + 1, len(values) - 1)
+    ordered = np.sort(values)
+    low, high = float(ordered[below]), float(ordered[above])
+    part = place - below
+    if part >= 0.5:
+        return high - (high - low) * (1 - part)
+    return low + (high - low) * part
 
 
 def _whole_size(

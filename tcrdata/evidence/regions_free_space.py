@@ -30,6 +30,7 @@ from tcrdata.evidence.proposal_columns import (
     merged,
     outline_columns,
     point_columns,
+    stacked,
     vote_columns,
 )
 from tcrdata.evidence.range_images import LidarCells, range_image, sensor_grid
@@ -123,9 +124,10 @@ def run(cue: CueInput) -> Iterator[Rows]:
         for frames in chunked(cue.frames, settings.chunk_frames)
     )
     for columns, errors in cue.parallel(_measure_chunk, items):
-        for part in columns:
-            yield Rows("proposals", part)
-            yield Rows("confidences", _confidences(part))
+        if columns:
+            proposals = stacked(columns)
+            yield Rows("proposals", proposals)
+            yield Rows("confidences", _confidences(proposals))
         yield from error_rows(errors)
 
 

@@ -141,11 +141,32 @@ def _gather(task: ChunkTask, item: FrameTask, xyz: Float32Array) -> list[Float32
 
 def _look(task: ChunkTask, item: FrameTask, xyz: Float32Array) -> list[BoxLook | None]:
     grid = sensor_grid(item.frame, task.sensor, LidarCells())
+    image = range_image(xyz, grid)
     evidence = _evidence(item, len(xyz))
     solid = np.flatnonzero(evidence["ground"] == 0)
-    view = _View(task, xyz, range_image(xyz, grid), grid, evidence, solid, xyz[solid])
-    boxes = zip(item.boxes, item.indices, item.least_points, strict=True)
-    return [view.look(box, chosen, least) for box, chosen, least in boxes]
+    view = _View(task, xyz, image, grid, solid, xyz[solid])
+    shown = [
+        view.show(box, chosen, least)
+        for box, chosen, least in zip(item.boxes, item.indices, item.least_points, strict=True)
+    ]
+    inside = [shape.inside for shape in shown if shape is not None]
+    boxes = item.boxes[[shape is not None for shape in shown]]
+    columns = merged(
+        vote_columns(inside, evidence["votes_free"], evidence["votes_static"]),
+        occluded_columns(boxes, grid, image, task.settings.front_m * task.metric_scale),
+    )
+    measured = iter(zip(*columns.values(), strict=True))
+    return [
+        None
+        if shape is None
+        else BoxLook(
+            xyz=shape.xyz,
+            hidden=shape.hidden,
+            points_inside=len(shape.inside),
+            measured=dict(zip(columns, next(measured), strict=True)),
+        )
+        for shape in shown
+    ]
 
 
 def thinned(indices: IntArray, most: int) -> IntArray:
@@ -162,18 +183,28 @@ def _evidence(item: FrameTask, count: int) -> dict[str, ImageArray]:
 
 
 @dataclass(frozen=True)
+class _Shown:
+    """A box's points, which of its edges are hidden, and which points lie in it."""
+
+    xyz: Float32Array
+    hidden: BoolArray
+    inside: IntArray
+
+
+@dataclass(frozen=True)
 class _View:
+    """One frame's points, and those of them that are no ground."""
+
     task: ChunkTask
     xyz: Float32Array
     image: RangeImage
     grid: RangeGrid
-    evidence: dict[str, ImageArray]
     solid: IntArray
     solid_xyz: Float32Array
 
-    def look(self, box: FloatArray, cluster: IntArray, least_points: int) -> BoxLook | None:
+    def show(self, box: FloatArray, cluster: IntArray, least_points: int) -> _Shown | None:
+        """Return what is seen of one box; None around too few points."""
         settings, scale = self.task.settings, self.task.metric_scale
-        margin_m = settings.margin_m * scale
         grown = np.flatnonzero(points_in_box(self.solid_xyz, box, settings.grow_m * scale))
         chosen = cluster if len(cluster) else self.solid[grown]
         if len(chosen) < least_points:
@@ -183,13 +214,12 @@ class _View:
         hidden = np.zeros(4, dtype=bool)
         if len(xyz):
             hidden = hidden_edges(
-                xyz, box, self.image, self.grid, margin_m, settings.margin_share, scale
+                xyz,
+                box,
+                self.image,
+                self.grid,
+                settings.margin_m * scale,
+                settings.margin_share,
+                scale,
             )
-        votes = vote_columns([inside], self.evidence["votes_free"], self.evidence["votes_static"])
-        occluded = occluded_columns(box[None], self.grid, self.image, settings.front_m * scale)
-        return BoxLook(
-            xyz=xyz,
-            hidden=hidden,
-            points_inside=len(inside),
-            measured={name: values[0] for name, values in merged(votes, occluded).items()},
-        )
+        return _Shown(xyz, hidden, inside)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tcrdata.evidence.refinement import quantile
 from tcrdata.evidence.sightings import RefinedPath, RefinementSettings, Sightings
 from tcrdata.evidence.track_frames import BoxLook
 from tcrdata.evidence.world import World
@@ -149,16 +151,15 @@ def prepared(sightings: list[Sighting], world: World) -> Prepared:
 def shape_of(track: Prepared, path: RefinedPath, settings: RefinementSettings) -> Shape:
     """Return the track on its refined path, standing on the ground."""
     observed = track.seen.counts_for_size
-    height = float(np.quantile(track.height_m[observed], settings.length_quantile))
+    height = quantile(track.height_m[observed], settings.length_quantile)
     base = _median_filtered(track.ground_y[observed])
     base_y = np.interp(np.arange(len(path.center)), track.seen.step[observed], base)
     return Shape(track.first, path, base_y, max(height, settings.pad_m))
 
 
 def _median_filtered(values: FloatArray, reach: int = 5) -> FloatArray:
-    return np.array(
-        [np.median(values[max(0, i - reach) : i + reach + 1]) for i in range(len(values))]
-    )
+    listed = values.tolist()
+    return np.array([median(listed[max(0, i - reach) : i + reach + 1]) for i in range(len(listed))])
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from tcrdata.evidence.linked_clusters import Clusters, link_clusters, read_clust
 from tcrdata.evidence.linking import LinkingSettings
 from tcrdata.evidence.point_rows import EncodedPoints, error_rows, read_encoded
 from tcrdata.evidence.poses import read_poses
+from tcrdata.evidence.proposal_columns import stacked
 from tcrdata.evidence.refinement import RefineTask, refine_chunk
 from tcrdata.evidence.sightings import RefinementSettings
 from tcrdata.evidence.track_frames import (
@@ -52,6 +53,9 @@ from tcrdata.types import CueInput, Float32Array, FloatArray, IntArray, Rows
 NEEDS: tuple[str, ...] = ("ground", "odometry", "free_space", "regions_free_space")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
 NEEDS_IMAGES: bool = False
+
+FRAMES_A_BATCH = 16
+"""Frames whose rows are written at once."""
 
 _EVIDENCE = ("ground", "votes_free", "votes_static")
 
@@ -124,9 +128,7 @@ def _prepare(cue: CueInput) -> _Work:
 
 
 def _link(work: _Work) -> list[Track]:
-    linked = link_clusters(
-        work.clusters, work.world, work.settings.linking, work.cue.info.metric_scale
-    )
+    linked = link_clusters(work.cue, work.clusters, work.world, work.settings.linking)
     enough = [rows for rows in linked if _goes_anywhere(work, rows)]
     return [Track(i, rows, work.clusters.frame[rows]) for i, rows in enumerate(enough)]
 
@@ -287,8 +289,7 @@ def _rows(work: _Work, finished: list[Finished]) -> Iterator[Rows]:
         stats = statistics(item, work.clusters, work.world, info)
         for i, place in enumerate(item.places):
             entries.setdefault(place.frame, []).append((item, i, stats))
-    for frame in sorted(entries):
-        columns = frame_columns(frame, entries[frame], work.clusters, work.world, info)
-        yield Rows("proposals", columns)
-        for part in confidence_columns(columns):
-            yield Rows("confidences", part)
+    for frames in chunked(sorted(entries), FRAMES_A_BATCH):
+        rows = [frame_columns(f, entries[f], work.clusters, work.world, info) for f in frames]
+        yield Rows("proposals", stacked(rows))
+        yield Rows("confidences", stacked([c for part in rows for c in confidence_columns(part)]))

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcrdata.exporters.arrays import columns, matrices, truths
 from tcrdata.exporters.labels import ChosenLabels, SequenceLabels
 from tcrdata.geometry.boxes import box_corners_bev
+from tcrdata.store.table_arrays import columns, matrices, truths
 from tcrdata.types import BoolArray, FloatArray
 
 _NEAREST_M = 0.01

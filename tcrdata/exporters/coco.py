@@ -17,7 +17,6 @@ from typing import IO, Any
 import numpy as np
 from pycocotools import mask as run_lengths
 
-from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import image_boxes, pictured, unseen_line
 from tcrdata.exporters.frame_images import FrameImages, image_line
 from tcrdata.exporters.json_arrays import JsonArray
@@ -32,6 +31,7 @@ from tcrdata.exporters.labels import (
 from tcrdata.exporters.masks import label_masks
 from tcrdata.exporters.refusals import check_images, check_name, check_shown
 from tcrdata.store import Store
+from tcrdata.store.table_arrays import columns
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
 _DECIMALS = 6

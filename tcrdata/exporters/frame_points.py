@@ -8,9 +8,9 @@ import numpy as np
 
 from tcrdata import registry
 from tcrdata.errors import FrameError
-from tcrdata.exporters.arrays import matrices
 from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.geometry.transforms import inverse, transform_points
+from tcrdata.store.table_arrays import matrices
 from tcrdata.types import Dataset, Float32Array, FloatArray, Frame, PointCloud
 
 _LIDAR_T_LEVEL = np.array(

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import has_camera, shown, unseen_line
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
@@ -44,6 +43,7 @@ from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames
 from tcrdata.exporters.refusals import check_shown
 from tcrdata.exporters.text_files import write_texts
 from tcrdata.store import Store
+from tcrdata.store.table_arrays import columns
 from tcrdata.types import BoolArray
 
 _SEATED = "Person_sitting"

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import shown
 from tcrdata.exporters.kitti_lines import (
     DONT_CARE,
@@ -30,6 +29,7 @@ from tcrdata.exporters.labels import (
 )
 from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
+from tcrdata.store.table_arrays import columns
 
 _NO_TRACK = -1
 _SEATED = "Person"

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import FrameError
-from tcrdata.exporters.arrays import matrices
 from tcrdata.exporters.cameras import camera_poses
 from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_points import FramePoints, lidar_poses
 from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.exporters.text_files import write_texts
 from tcrdata.geometry.transforms import inverse
+from tcrdata.store.table_arrays import matrices
 from tcrdata.types import FloatArray
 
 TRAINING = "training"

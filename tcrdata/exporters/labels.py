@@ -14,7 +14,6 @@ import numpy as np
 import pyarrow as pa
 
 from tcrdata.errors import MissingEvidenceError, TcrdataError
-from tcrdata.exporters.arrays import by_sequence, columns, rows_at, truths, whole_numbers
 from tcrdata.exporters.refusals import check_dataset, check_validation, no_labels
 from tcrdata.exporters.tracklets import tracklets_as_labels
 from tcrdata.exporters.where import keep, lock
@@ -22,6 +21,7 @@ from tcrdata.reports import run_report
 from tcrdata.store import Store
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import is_view, table_names
+from tcrdata.store.table_arrays import by_sequence, columns, rows_at, truths, whole_numbers
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
 _ROWS_AT_A_TIME = 200_000

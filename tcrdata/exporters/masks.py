@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from tcrdata.errors import FrameError
-from tcrdata.exporters.arrays import columns, matrices
 from tcrdata.exporters.cameras import camera_poses
 from tcrdata.exporters.frame_points import FramePoints
 from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.geometry.hulls import hull_pixels
 from tcrdata.store.arrays import encode_mask
+from tcrdata.store.table_arrays import columns, matrices
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
 _NEAREST_M = 0.01

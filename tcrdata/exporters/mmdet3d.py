@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import camera_poses, standing_boxes
 from tcrdata.exporters.kitti_lines import NO_IMAGE_BOX, check_category, is_tilted, object_numbers
 from tcrdata.exporters.kitti_tree import (
@@ -36,6 +35,7 @@ from tcrdata.exporters.labels import (
 )
 from tcrdata.exporters.numbered_frames import SPLIT_LINES, numbered_frames
 from tcrdata.store import Store
+from tcrdata.store.table_arrays import columns
 from tcrdata.types import FloatArray
 
 _CLASSES = (

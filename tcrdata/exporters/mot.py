@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import image_boxes, shown
 from tcrdata.exporters.labels import (
     Card,
@@ -22,6 +21,7 @@ from tcrdata.exporters.labels import (
 )
 from tcrdata.exporters.refusals import check_name
 from tcrdata.store import Store
+from tcrdata.store.table_arrays import columns
 
 _PLACE = ("x_m", "y_m", "z_m")
 _CONVENTIONS = (

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.exporters.arrays import matrices, rows_at, whole_numbers
 from tcrdata.exporters.cameras import camera_poses
 from tcrdata.exporters.frame_images import FrameImages
 from tcrdata.exporters.frame_points import FramePoints, lidar_poses
@@ -23,6 +22,7 @@ from tcrdata.exporters.global_frames import (
 from tcrdata.exporters.labels import SequenceLabels
 from tcrdata.exporters.nuscenes_tables import CAMERA, LIDAR, Tables, token
 from tcrdata.geometry.transforms import inverse
+from tcrdata.store.table_arrays import matrices, rows_at, whole_numbers
 from tcrdata.types import FloatArray
 
 _FULL_INTENSITY = 255.0

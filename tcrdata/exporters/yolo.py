@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 
-from tcrdata.exporters.arrays import columns
 from tcrdata.exporters.cameras import image_boxes, pictured, unseen_line
 from tcrdata.exporters.frame_images import FrameImages, image_line
 from tcrdata.exporters.labels import (
@@ -27,6 +26,7 @@ from tcrdata.exporters.labels import (
 from tcrdata.exporters.refusals import check_images, check_name, check_shown
 from tcrdata.exporters.text_files import write_texts
 from tcrdata.store import Store
+from tcrdata.store.table_arrays import columns
 from tcrdata.types import BoolArray
 
 _CLASS = 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.geometry.boxes import points_in_box
+from tcrdata.learning.clouds import Cloud, points_of_labels, still_shown
 from tcrdata.networks.center_targets import LabelBoxes
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
@@ -25,7 +25,8 @@ class SweepAugmentation:
         height_jitter_m: standard deviation of one shift of all heights above the ground.
         erased_px: side of the square of pixels that is erased near an object's centre, with the
             points that project into it; 0 erases none.
-        erased_most: share of an object's points that may go so: the whole object never does.
+        erased_most: less than this share of an object's points goes, whether squares or copies
+            of other objects take them: no labelled object is ever hidden whole.
         pasted: copies of labelled objects that are tried elsewhere in the sweep.
         pasted_farther: a copy is up to so many times as far away, and the sparser for it.
         pasted_stretch: each side of a copy grows or shrinks by up to this share.
@@ -110,34 +111,34 @@ def yaw_rotation(angle_rad: float) -> FloatArray:
 
 
 def erased_points(
-    xyz: Float32Array,
-    labels: LabelBoxes,
-    pixels: FloatArray,
-    settings: SweepAugmentation,
-    rng: np.random.Generator,
+    cloud: Cloud, pixels: FloatArray, settings: SweepAugmentation, rng: np.random.Generator
 ) -> BoolArray:
     """Return (N,) which points go when a square of pixels near each object's centre is erased.
 
+    A square that would leave too little of any object, its own or another, is not erased.
+
     Args:
-        xyz: (N, 3) points of the frame, as it was seen.
-        labels: the same.
+        cloud: points of the frame, as it was seen.
         pixels: (N, 2) where each point projects to; NaN where it does not.
         settings: the square's side, and how much of an object may go.
         rng: random numbers.
     """
-    erased = np.zeros(len(xyz), dtype=bool)
+    erased = np.zeros(len(pixels), dtype=bool)
     half = settings.erased_px / 2
-    for box in labels.boxes[labels.positive]:
+    whole = points_of_labels(cloud.owner, 0)
+    for number in range(len(whole)):
         shift = rng.uniform(-half, half, 2)
-        members = np.flatnonzero(points_in_box(xyz, box, 0.1))
-        seen = pixels[members][np.isfinite(pixels[members, 0])]
+        own = pixels[cloud.owner == number]
+        seen = own[np.isfinite(own[:, 0])]
         if not len(seen):
             continue
         center = (seen.min(axis=0) + seen.max(axis=0)) / 2 + shift
-        near = np.abs(pixels[:, 0] - center[0]) <= half
-        near &= np.abs(pixels[:, 1] - center[1]) <= half
-        if near[members].mean() <= settings.erased_most:
-            erased |= near
+        more = np.abs(pixels[:, 0] - center[0]) <= half
+        more &= np.abs(pixels[:, 1] - center[1]) <= half
+        more |= erased
+        left = points_of_labels(cloud.owner[~more], len(whole))
+        if still_shown(left, whole, settings.erased_most):
+            erased = more
     return erased
 
 

@@ -17,7 +17,8 @@ from tcrdata.learning.augmentation import (
     drawn_change,
     erased_points,
 )
-from tcrdata.learning.pasting import Cloud, labelled_objects, with_copies
+from tcrdata.learning.clouds import Cloud, owners, points_of_labels
+from tcrdata.learning.pasting import labelled_objects, with_copies
 from tcrdata.networks.center_targets import LabelBoxes, TargetSettings
 from tcrdata.networks.grids import Region, Sweep, pixel_colours, projected
 from tcrdata.types import BoolArray, Float32Array
@@ -66,28 +67,30 @@ class DetectorSamples:
     ) -> tuple[Cloud, LabelBoxes]:
         """Return the points left in the region and the labels, both at their new places."""
         labels, own = label_boxes(row), self.augmentation
-        cloud = cloud_of(row)
+        cloud = cloud_of(row, labels)
         dropped = rng.random(len(cloud.xyz), dtype=np.float32) < change.dropped_share
         cloud = cloud.chosen(~dropped)
         scaled = cloud.height_m * np.float32(change.scale)
         whole = replace(cloud, xyz=change.points(cloud.xyz), height_m=scaled)
         kept = np.flatnonzero(region.cells(whole.xyz[:, 0], whole.xyz[:, 2])[1])
-        if own.enabled and own.erased_px > 0:
-            xyz = cloud.xyz[kept]
-            pixels = projected(row["camera"], xyz * np.float32(row["metric_scale"]))
-            kept = kept[~erased_points(xyz, labels, pixels, own, rng)]
-        labels = change.labels(labels)
+        shown, labels = whole.chosen(kept), change.labels(labels)
         if not own.enabled:
-            return whole.chosen(kept), labels
-        objects = labelled_objects(whole, labels)
-        return with_copies(whole.chosen(kept), labels, objects, region, own, rng)
+            return shown, labels
+        counts = points_of_labels(shown.owner, len(labels))
+        if own.erased_px > 0:
+            seen = cloud.chosen(kept)
+            pixels = projected(row["camera"], seen.xyz * np.float32(row["metric_scale"]))
+            shown = shown.chosen(~erased_points(seen, pixels, own, rng))
+        objects = labelled_objects(whole)
+        return with_copies(shown, labels, objects, counts, region, own, rng)
 
 
-def cloud_of(row: dict[str, Any]) -> Cloud:
-    """Return the points of a row, in metres of a road scene."""
+def cloud_of(row: dict[str, Any], labels: LabelBoxes) -> Cloud:
+    """Return the points of a row, in metres of a road scene, and whose of its labels they are."""
     scale = np.float32(row["metric_scale"])
-    height = row["height_m"].astype(np.float32) / scale
-    return Cloud(row["points"] / scale, height, row["ground"], np.arange(len(height)))
+    height, xyz = row["height_m"].astype(np.float32) / scale, row["points"] / scale
+    owner = owners(xyz, row["ground"], labels)
+    return Cloud(xyz, height, row["ground"], np.arange(len(height)), owner)
 
 
 def label_boxes(row: dict[str, Any]) -> LabelBoxes:

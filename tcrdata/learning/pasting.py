@@ -9,19 +9,20 @@ et al., ST3D, CVPR 2021).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import points_in_box
 from tcrdata.learning.augmentation import SweepAugmentation, yaw_rotation
+from tcrdata.learning.clouds import Cloud, points_of_labels, still_shown
 from tcrdata.networks.center_targets import LabelBoxes
 from tcrdata.networks.grids import Region
 from tcrdata.types import BoolArray, Float32Array, FloatArray, IntArray
 
 _FEWEST_POINTS = 8
-_TURNS = 16
+_TURNS = 32
 _ROOM_M = 0.3
 _GROUND_REACH_M = 2.5
 _BEHIND_M = 0.3
@@ -29,79 +30,79 @@ _BEHIND_M = 0.3
 _CELL_RAD = (0.007, 0.0146)
 
 
-@dataclass(frozen=True)
-class Cloud:
-    """The points of a sweep, metres of a road scene, and where each came from.
-
-    Attributes:
-        xyz: (N, 3) level frame.
-        height_m: (N,) above the ground; NaN where unknown.
-        ground: (N,) whether each is ground.
-        origin: (N,) number of the sweep's point that it is, or is a copy of.
-    """
-
-    xyz: Float32Array
-    height_m: Float32Array
-    ground: BoolArray
-    origin: IntArray
-
-    def chosen(self, which: NDArray[np.bool_ | np.integer]) -> Cloud:
-        """Return some of the points."""
-        return Cloud(self.xyz[which], self.height_m[which], self.ground[which], self.origin[which])
-
-    def joined(self, other: Cloud) -> Cloud:
-        """Return the points of both."""
-        names = self.__dataclass_fields__
-        return Cloud(*(np.concatenate([getattr(self, n), getattr(other, n)]) for n in names))
-
-
-def labelled_objects(cloud: Cloud, labels: LabelBoxes) -> list[tuple[int, Cloud]]:
+def labelled_objects(cloud: Cloud) -> list[tuple[int, Cloud]]:
     """Return numbers of positive labels and their points, of those that show enough."""
-    solid = np.flatnonzero(~cloud.ground)
-    xyz = cloud.xyz[solid]
-    inside = (
-        (int(number), solid[points_in_box(xyz, labels.boxes[number], 0.1)])
-        for number in np.flatnonzero(labels.positive & np.isfinite(labels.boxes).all(axis=1))
-    )
-    return [(n, cloud.chosen(members)) for n, members in inside if len(members) >= _FEWEST_POINTS]
+    return [
+        (int(number), cloud.chosen(np.flatnonzero(cloud.owner == number)))
+        for number in np.flatnonzero(points_of_labels(cloud.owner, 0) >= _FEWEST_POINTS)
+    ]
 
 
 def with_copies(
     cloud: Cloud,
     labels: LabelBoxes,
     objects: Sequence[tuple[int, Cloud]],
+    whole: IntArray,
     region: Region,
     settings: SweepAugmentation,
     rng: np.random.Generator,
 ) -> tuple[Cloud, LabelBoxes]:
     """Return a sweep and its labels with copies of labelled objects.
 
-    A copy that finds no free ground is dropped, as is one that nearer things hide. What a copy
-    hides is taken out.
+    A copy takes the first of several places where it stands free, nearer things do not hide it, and
+    it leaves enough of every labelled object and other copy; with one place to try, large things
+    would hardly ever find room. What a copy hides is taken out.
 
     Args:
         cloud: the points in the region.
         labels: of the frame.
         objects: `labelled_objects` of the whole sweep: those outside of the region, too.
+        whole: (M,) points in the region of each label, before anything of it was hidden.
         region: where copies go.
-        settings: those whose names begin with `pasted`.
+        settings: those whose names begin with `pasted`, and `erased_most`.
         rng: random numbers.
     """
     for _ in range(settings.pasted if objects else 0):
         number, own = objects[int(rng.integers(len(objects)))]
         farther = float(rng.uniform(1.0, settings.pasted_farther))
         own = own.chosen(rng.random(len(own.xyz)) < farther**-2)
-        box = _elsewhere(labels.boxes[number], farther, settings.pasted_stretch, region, rng)
-        floor = None if box is None else _free_floor(cloud, box)
-        if box is None or floor is None or len(own.xyz) < _FEWEST_POINTS:
+        if len(own.xyz) < _FEWEST_POINTS:
             continue
-        box[1] = floor - box[5] / 2
-        copy = _moved(own, labels.boxes[number], box)
-        shown, seen = _shadows(cloud.xyz, copy.xyz)
-        if seen.mean() >= 1 - settings.pasted_hidden_share:
-            cloud = cloud.chosen(shown).joined(copy.chosen(seen))
-            labels = _with_box(labels, box, number)
+        before = labels.boxes[number]
+        for box in _elsewhere(before, farther, settings.pasted_stretch, region, rng):
+            made = _with_copy(cloud, own, before, box, whole, settings)
+            if made is not None:
+                cloud, whole = made, np.append(whole, len(own.xyz))
+                labels = _with_box(labels, box, number)
+                break
     return cloud, labels
+
+
+def _with_copy(
+    cloud: Cloud,
+    own: Cloud,
+    before: FloatArray,
+    box: FloatArray,
+    whole: IntArray,
+    settings: SweepAugmentation,
+) -> Cloud | None:
+    """Return a sweep with an object's points in another box, which is set on the ground.
+
+    None where it would not stand free, would be hidden, or would hide too much of a label.
+    """
+    floor = _free_floor(cloud, box)
+    if floor is None:
+        return None
+    box[1] = floor - box[5] / 2
+    copy = _moved(own, before, box)
+    shown, seen = _shadows(cloud.xyz, copy.xyz)
+    left = points_of_labels(cloud.owner[shown], len(whole))
+    if seen.mean() < 1 - settings.pasted_hidden_share or not still_shown(
+        left, whole, settings.erased_most
+    ):
+        return None
+    copy = replace(copy, owner=np.full(len(copy.xyz), len(whole)))
+    return cloud.chosen(shown).joined(copy.chosen(seen))
 
 
 def _with_box(labels: LabelBoxes, box: FloatArray, like: int) -> LabelBoxes:
@@ -114,35 +115,34 @@ def _with_box(labels: LabelBoxes, box: FloatArray, like: int) -> LabelBoxes:
 
 def _elsewhere(
     box: FloatArray, farther: float, stretch: float, region: Region, rng: np.random.Generator
-) -> FloatArray | None:
-    """Return a (7,) box turned about the sensor into the region, farther away, its sides stretched.
+) -> FloatArray:
+    """Return (N, 7) boxes turned about the sensor into the region, farther away, sides stretched.
 
-    Its y is still the old one's. None where a few draws do not hit the region.
+    Their y is still the old one's; N is at most `_TURNS`.
     """
     turns = rng.uniform(-np.pi, np.pi, _TURNS)
     cos, sin = np.cos(turns) * farther, np.sin(turns) * farther
     x, z = box[0] * cos + box[2] * sin, box[2] * cos - box[0] * sin
-    factors = rng.uniform(1 - stretch, 1 + stretch, 3)
-    inside = np.flatnonzero(region.cells(x, z)[1])
-    if not len(inside):
-        return None
-    first = inside[0]
-    sides = box[3:6] * factors
-    return np.array([x[first], box[1], z[first], *sides, box[6] + turns[first]])
+    places = np.tile(box, (_TURNS, 1))
+    places[:, 0], places[:, 2], places[:, 6] = x, z, box[6] + turns
+    places[:, 3:6] *= rng.uniform(1 - stretch, 1 + stretch, 3)
+    return places[region.cells(x, z)[1]]
 
 
 def _free_floor(cloud: Cloud, box: FloatArray) -> float | None:
     """Return y of the ground where a box shall stand; None where something does or none is seen."""
     reach = max(np.hypot(box[3], box[4]) / 2 + _ROOM_M, _GROUND_REACH_M)
-    off = np.abs(cloud.xyz[:, [0, 2]] - box[[0, 2]].astype(np.float32)).max(axis=1)
-    near = cloud.chosen(np.flatnonzero(off <= reach))
-    if not near.ground.any():
+    close = np.abs(cloud.xyz[:, 0] - np.float32(box[0])) <= reach
+    close &= np.abs(cloud.xyz[:, 2] - np.float32(box[2])) <= reach
+    numbers = np.flatnonzero(close)
+    xyz, ground = cloud.xyz.take(numbers, axis=0), cloud.ground[numbers]
+    if not ground.any():
         return None
     tall = box.copy()
     tall[5] = 100.0
-    if points_in_box(near.xyz[~near.ground], tall, _ROOM_M).any():
+    if points_in_box(xyz[~ground], tall, _ROOM_M).any():
         return None
-    return float(np.median(near.xyz[near.ground, 1]))
+    return float(np.median(xyz[ground, 1]))
 
 
 def _moved(own: Cloud, before: FloatArray, after: FloatArray) -> Cloud:

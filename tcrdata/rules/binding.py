@@ -15,7 +15,8 @@ from typing import Any
 import duckdb
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.sql_files import SqlFile, fill_in, located, uses
+from tcrdata.rules.scopes import located
+from tcrdata.rules.sql_files import SqlFile, fill_in, uses
 from tcrdata.store import schemas
 
 EVIDENCE_TABLES = ("proposals", "confidences", "egomotions", "frames", "sequences")
@@ -30,6 +31,13 @@ RULE_COLUMNS = {
 PRESET_COLUMNS = {"proposal_id": "VARCHAR", "state": "VARCHAR", "score": "DOUBLE"}
 KEY_COLUMNS = ("proposal_id", "dataset", "sequence", "frame", "round")
 
+STEADY = frozenset(
+    ("*", "+", "-", "/", "abs", "coalesce", "cos", "count", "greatest", "if", "least", "list",
+     "list_avg", "list_contains", "list_count", "list_position", "list_sum", "list_value",
+     "list_zip", "max", "min", "row", "sin", "sqrt", "string_split", "sum", "||")
+)  # fmt: skip
+"""Functions known to say the same every time; DuckDB is asked, which takes a while, of others."""
+
 
 @dataclass(frozen=True)
 class Reads:
@@ -38,14 +46,19 @@ class Reads:
     Attributes:
         tables: evidence tables, sorted.
         columns: columns of `proposals`, in the order of the schema.
+        named: those of them that occur in the text, keys or not.
         passes_id: `proposal_id` is handed on as the first column and not used otherwise.
         row_by_row: by its form the select gives one row for each row of `proposals`.
+        each_alone: by its form no row that the select gives depends on two rows of `proposals`,
+            and each starts with the id of its one.
     """
 
     tables: tuple[str, ...]
     columns: tuple[str, ...]
+    named: tuple[str, ...]
     passes_id: bool
     row_by_row: bool
+    each_alone: bool
 
 
 class Binder:
@@ -100,9 +113,10 @@ class Binder:
             _check_alone(file, tree)
         tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
         known = [name for name, _, _ in schemas.columns("proposals")]
-        read = {*KEY_COLUMNS, *(known if tree.star else tree.words)}
-        columns = tuple(name for name in known if name in read)
-        return Reads(tables, columns, tree.passes_id, tree.row_by_row)
+        read = {*(known if tree.star else tree.words)}
+        columns = tuple(name for name in known if name in {*KEY_COLUMNS, *read})
+        named = tuple(name for name in known if name in read)
+        return Reads(tables, columns, named, tree.passes_id, tree.row_by_row, tree.each_alone)
 
     def _describe(self, file: SqlFile, select: str) -> list[tuple[str, str]]:
         """Names and types of the columns the select gives."""
@@ -140,7 +154,8 @@ class Binder:
 
     def _check_functions(self, file: SqlFile, tree: _Tree) -> None:
         """Refuse what may say something else tomorrow."""
-        unstable = sorted(_unstable() & set(tree.functions))
+        others = set(tree.functions) - STEADY
+        unstable = sorted(others and others & unsteady())
         if unstable:
             raise RuleError(
                 f"{file.path}:{file.select_line}: {unstable[0]}() may differ from run to run; "
@@ -149,7 +164,7 @@ class Binder:
 
 
 @cache
-def _unstable() -> frozenset[str]:
+def unsteady() -> frozenset[str]:
     """Functions of time, chance, session or state: the same in every connection."""
     with duckdb.connect() as connection:
         rows = connection.execute(
@@ -212,6 +227,22 @@ class _Tree:
         unnests = {"unnest", "unlist", "generate_subscripts"} & set(self.functions)
         return plain and not unnests and not any(self._node.get(clause) for clause in clauses)
 
+    @property
+    def each_alone(self) -> bool:
+        """Whether it plainly selects `p.proposal_id, ...` from `proposals p` and left joins."""
+        clauses = ("group_expressions", "having", "qualify", "sample", "modifiers")
+        plain = not any(self._node.get(clause) for clause in clauses)
+        if not plain or self.functions or self.classes & {"SUBQUERY", "WINDOW", "STAR"}:
+            return False
+        leaf = self._node.get("from_table", {})
+        while leaf.get("type") == "JOIN" and leaf["join_type"] == "LEFT":
+            leaf = leaf["left"] if leaf["right"].get("type") == "BASE_TABLE" else {}
+        own = leaf.get("table_name") == "proposals" and not leaf.get("sample")
+        first = self._node.get("select_list", [{}])[0]
+        name = leaf.get("alias") or "proposals"
+        once = self.tables.count("proposals") == 1 and set(self.tables) <= set(EVIDENCE_TABLES)
+        return own and once and first.get("column_names") == [name, "proposal_id"]
+
     @cached_property
     def words(self) -> set[str]:
         """Every part of every column reference."""
@@ -220,10 +251,12 @@ class _Tree:
 
 
 def _dictionaries(tree: Any) -> Iterator[dict[str, Any]]:
-    """Every dictionary in nested lists and dictionaries."""
-    if isinstance(tree, dict):
-        yield tree
-        tree = list(tree.values())
-    if isinstance(tree, list):
-        for child in tree:
-            yield from _dictionaries(child)
+    """Every dictionary in nested lists and dictionaries, in the order of the text."""
+    waiting = [tree]
+    while waiting:
+        found = waiting.pop()
+        if isinstance(found, dict):
+            yield found
+            found = list(found.values())
+        if isinstance(found, list):
+            waiting += [child for child in reversed(found) if isinstance(child, (dict, list))]

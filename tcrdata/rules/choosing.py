@@ -11,8 +11,11 @@ from tcrdata.errors import RuleError
 from tcrdata.resources import resource_folder
 from tcrdata.rules.panel import Seat
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, quoted, run_sql, scoped
+from tcrdata.rules.scopes import Relations, handing_on, quoted, run_sql, scoped
 from tcrdata.store import schemas
+
+BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")
+"""What tells whether boxes share a place."""
 
 
 def choose(
@@ -20,23 +23,49 @@ def choose(
 ) -> None:
     """Make the table `chosen`: what each preset's select gives of its own survivors.
 
-    `number` is the survivor's row; `own` says whether the preset still took it.
+    `number` is the survivor's row; `own` says whether the preset still took it. Presets whose
+    selects are one text, and take each proposal by itself, are run together.
     """
     connection.execute(
         "create or replace temp table chosen (proposal_id varchar, state varchar, score double, "
         "place integer, number bigint, own boolean)"
     )
+    together: dict[object, list[int]] = {}
     for place, preset in enumerate(presets):
-        own = f"(from survivors where alive & {1 << place} <> 0)"
-        select = scoped(preset.select, preset.reads.tables, {**relations, "proposals": own})
-        what = f"the select of preset {preset.name}"
-        numbered = (
-            f"select c.proposal_id, c.state, c.score, {place}, s.rowid, "
-            f"coalesce(s.alive & {1 << place}, 0) <> 0 from ({select}\n) c "
-            "left join survivors s on s.proposal_id = c.proposal_id"
+        key = preset.select if preset.reads.each_alone else place
+        together.setdefault(key, []).append(place)
+    for places in together.values():
+        first = presets[places[0]]
+        given = _given(first, places, relations)
+        run_sql(connection, f"insert into chosen {given}", f"the select of preset {first.name}")
+    for place, preset in enumerate(presets):
+        _check_chosen(connection, place, f"the select of preset {preset.name}")
+
+
+def _given(preset: FilledPreset, places: Sequence[int], relations: Relations) -> str:
+    """SQL of what a select gives for the presets of some places; the first has what is no one's."""
+    bits = ", ".join(f"({place}, {1 << place}::bigint)" for place in places)
+    mask = sum(1 << place for place in places)
+    own = f"(select *, rowid as survivor from survivors where alive & {mask} <> 0)"
+    scope = {**relations, "proposals": own}
+    numbered = None
+    if preset.reads.each_alone:
+        numbered = handing_on(preset.select, "{p}.survivor, {p}.alive, {p}.proposal_id")
+    if numbered:
+        given = scoped(numbered, preset.reads.tables, scope)
+        found = "c.survivor, true"
+        source = f"({given}\n) c join"
+    else:
+        given = scoped(preset.select, preset.reads.tables, scope)
+        found = "c.rowid, b.place is not null"
+        source = (
+            f"(select c.*, s.rowid, s.alive from ({given}\n) c "
+            "left join survivors s on s.proposal_id = c.proposal_id) c left join"
         )
-        run_sql(connection, f"insert into chosen {numbered}", what)
-        _check_chosen(connection, place, what)
+    return (
+        f"select c.proposal_id, c.state, c.score, coalesce(b.place, {places[0]}), {found} "
+        f"from {source} (values {bits}) b(place, bit) on c.alive & b.bit <> 0"
+    )
 
 
 def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) -> None:
@@ -77,21 +106,26 @@ def labels_of(
     _decide(connection, presets)
     return connection.sql(
         f"with carriers as (select carried, place, {_carried_by(presets, panel)} as carried_by "
-        "from (select distinct carried, place from decided)) "
+        "from (select distinct carried, place from decided)), "
+        "named as (select d.*, s.proposal_id from decided d join survivors s on s.rowid = number) "
         f"select {_label_columns(presets)} from {relations['proposals']} p "
-        "join decided d using (proposal_id) join carriers c using (carried, place) "
+        "join named d using (proposal_id) join carriers c using (carried, place) "
         "order by p.dataset, p.sequence, p.frame, p.proposal_id"
     ).to_arrow_table()
 
 
 def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset]) -> None:
     """Make the table `decided`: state and score of what becomes a label, and for which preset."""
-    connection.execute(
-        "create or replace temp table candidates as "
-        "select s.*, c.state, c.score, c.place from chosen c join survivors s on s.rowid = c.number"
-    )
-    decided = "select proposal_id, state, score, carried, place from candidates where place = 0"
+    its = "c.number, c.state, c.score, s.carried, c.place"
+    chosen = "chosen c join survivors s on s.rowid = c.number"
+    decided = f"select {its} from {chosen} where c.place = 0"
     if len(presets) > 1:
+        # A survivor's number stands for its id: whole numbers are compared sooner than texts.
+        where = ", ".join(f"s.{name}" for name in ("dataset", "sequence", "frame", *BOX))
+        connection.execute(
+            "create or replace temp table candidates as "
+            f"select c.number as proposal_id, {its}, {where} from {chosen}"
+        )
         path = resource_folder("queries") / "states" / "ignore.sql"
         undecided = scoped(
             path.read_text(encoding="utf-8"),
@@ -101,8 +135,9 @@ def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPrese
                 "acceptable": "(select * from candidates where place > 0)",
             },
         )
-        decided += (
-            f" union all select proposal_id, 'ignore', score, carried, place from ({undecided})"
+        decided = (
+            "select number, state, score, carried, place from candidates where place = 0 union all "
+            f"select number, 'ignore', score, carried, place from ({undecided})"
         )
     connection.execute(f"create or replace temp table decided as {decided}")
 

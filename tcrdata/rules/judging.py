@@ -9,10 +9,10 @@ import duckdb
 import pyarrow as pa
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
+from tcrdata.rules.choosing import BOX, choose, labels_in, labels_of, no_labels
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, count, quoted, run_sql, scoped
+from tcrdata.rules.scopes import Relations, count, handing_on, quoted, run_sql, scoped
 from tcrdata.store import schemas
 
 _BITS = 62  # verdicts that fit into a bigint
@@ -21,7 +21,6 @@ ALIVE = "(from survivors where alive <> 0)"
 
 _IN_HAND = ("survivors", "remaining", "chosen", "candidates", "decided")
 _ID = "proposal_id"
-_BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")  # what tells whether boxes share a place
 
 
 @dataclass(frozen=True)
@@ -60,8 +59,11 @@ def judge(
     if not alone:  # one preset's own filter reaches the files; several together do not
         relations = _of_sources(connection, _opening(presets, panel, relations), relations)
     before = _everybody(presets, panel, _columns(presets, panel), relations)
-    left = rows if alone or not rows else count(connection, before)
-    for run, later in _with_later(runs(panel)):
+    listed = runs(panel)
+    left = rows
+    if rows and not alone and not listed[0][0].streams:  # rows are counted to be compared
+        left = count(connection, before)
+    for run, later in _with_later(listed):
         if left:
             columns = _columns(presets, later)
             left = _keep_survivors(connection, run, columns, before, left, relations)
@@ -106,7 +108,7 @@ def _columns(presets: Sequence[FilledPreset], rules: Sequence[Seat]) -> set[str]
     """Columns of `proposals` that some rules or the presets' selects read, or a place takes."""
     reads = [*(preset.reads for preset in presets), *(seat.rule.reads for seat in rules)]
     read = {"source", *(name for r in reads for name in r.columns)}
-    return read | set(_BOX) if len(presets) > 1 else read
+    return read | set(BOX) if len(presets) > 1 else read
 
 
 def _listed(columns: Collection[str]) -> str:
@@ -115,14 +117,19 @@ def _listed(columns: Collection[str]) -> str:
 
 
 def _opening(presets: Sequence[FilledPreset], panel: Sequence[Seat], relations: Relations) -> str:
-    """SQL of what the presets' opening rules let through, with few columns read."""
+    """SQL of what the presets' opening rules let through, with few columns read.
+
+    Rules say the same of rows that are alike in what the rules name, so one of them stands for all.
+    """
     texts = {preset.rules[0].select for preset in presets}
     opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
-    columns = {"source", *(name for seat in opening for name in seat.rule.reads.columns)}
-    nameless = f"(select * replace ('' as proposal_id) from {relations['proposals']})"
-    everybody = _everybody(presets, panel, columns, {"proposals": nameless})
-    after = _streamed(opening, everybody, relations)
-    return f"(from {after} where alive <> 0)"
+    named = {"source", *(name for seat in opening for name in seat.rule.reads.named)} - {_ID}
+    kinds = {column.name: column.type for column in schemas.columns("proposals")}
+    once = "distinct " * all(kinds[name] == "varchar" for name in named)
+    alike = f"(select {once}{_listed(named)} from {relations['proposals']})"
+    nameless = f"(select '' as {_ID}, * from {alike})"
+    everybody = _everybody(presets, panel, named | {_ID}, {"proposals": nameless})
+    return f"(from {_streamed(opening, everybody, relations)} where alive <> 0)"
 
 
 def _of_sources(
@@ -155,11 +162,7 @@ def _keep_survivors(
     """
     what = "rule " + " or ".join(seat.rule.name for seat in run)
     streams = run[0].streams
-    if streams:
-        after = _streamed(run, before, relations)
-    else:
-        (seat,) = run
-        after = _after(seat, f"({_judged(seat, before, relations)})")
+    after = _streamed(run, before, relations) if streams else _joined(run[0], before, relations)
     remaining = f"select {_listed(columns)}, carried, alive from {after}"
     remaining += " where alive <> 0" if streams else ""
     run_sql(connection, f"create or replace temp table remaining as {remaining}", what)
@@ -174,76 +177,58 @@ def _keep_survivors(
 
 
 def _streamed(run: Sequence[Seat], before: str, relations: Relations) -> str:
-    """SQL of the rows after rules that go row by row.
-
-    A row travels through every rule as one value in the place of its id, beside what it carries;
-    each rule takes out of it the few columns that it reads.
-    """
-    states = f"(select s as kept, s.carried as carried, s.alive as alive from {before} s)"
+    """SQL of the rows after rules that go row by row: each hands all columns on to the next."""
+    rows = before
     for seat in run:
-        read = [f"kept.{name} as {name}" for name in seat.rule.reads.columns if name != _ID]
-        rows = f"(select {', '.join([f'state as {_ID}', *read])} from {states} state)"
-        verdicts = scoped(
-            seat.rule.select, seat.rule.reads.tables, {**relations, "proposals": rows}
-        )
-        states = (
-            "(select state.kept as kept, "
-            f"state.carried | case when passed then {1 << seat.number} else 0 end as carried, "
-            f"{seat.alive_after('state.alive')} as alive "
-            f"from (select {_ID} as state, passed from ({verdicts}\n)))"
-        )
-    return f"(select kept.* replace (carried as carried, alive as alive) from {states})"
-
-
-def _after(seat: Seat, verdicts: str) -> str:
-    """SQL of the rows after a rule, of its (kept, passed)."""
+        rows = _with_verdict(seat, rows, relations)
+    passed = [f"case when passed_{seat.number} then {1 << seat.number} else 0 end" for seat in run]
+    failed = [seat.failed(f"passed_{seat.number}") for seat in run]
     return (
-        "(select kept.* replace ("
-        f"kept.carried | case when passed then {1 << seat.number} else 0 end as carried, "
-        f"{seat.alive_after('kept.alive')} as alive) from {verdicts})"
+        f"(select * replace (carried | {' | '.join(passed)} as carried, "
+        f"alive & ~({' | '.join(failed)})::bigint as alive) from {rows})"
     )
 
 
-def _with_rows(seat: Seat, before: str, relations: Relations) -> str:
-    """SQL of (kept, passed): the whole row of a proposal and what the rule says of it.
+def _with_verdict(seat: Seat, rows: str, relations: Relations) -> str:
+    """SQL of the rows with a column more: what a rule that hands the id on says of each.
 
-    The row travels through the rule in the place of its id, which the rule hands on untouched;
-    so there is nothing to join afterwards, and filters reach the files.
+    Where its text is not the usual one, a row goes through it as one value in the id's place.
     """
-    rows = f"(select * replace (s as proposal_id) from {before} s)"
     rule = seat.rule
-    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": rows})
-    return f"select proposal_id as kept, passed from ({verdicts}\n)"
+    as_named = f"passed as passed_{seat.number}"
+    whole = handing_on(rule.select, "{p}.*")
+    if whole:
+        verdicts = scoped(whole, rule.reads.tables, {**relations, "proposals": rows})
+        return f"(select * exclude (value, bound, passed), {as_named} from ({verdicts}\n))"
+    packed = f"(select * replace (s as {_ID}) from {rows} s)"
+    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": packed})
+    return f"(select kept.*, {as_named} from (select {_ID} as kept, passed from ({verdicts}\n)))"
 
 
-def _judged(seat: Seat, before: str, relations: Relations) -> str:
-    """SQL of (kept, passed), the cheapest way that the rule allows."""
-    if not seat.rule.reads.passes_id:
-        return _joined(seat, before, relations)
-    if before == ALIVE:
-        return _by_number(seat, relations)
-    return _with_rows(seat, before, relations)
-
-
-def _by_number(seat: Seat, relations: Relations) -> str:
-    """As `_with_rows`, for a rule that joins: a row's number travels through it, not the row.
+def _joined(seat: Seat, before: str, relations: Relations) -> str:
+    """SQL of the rows after a rule that joins, the cheapest way that it allows.
 
     A number that is lost or doubled shows in the count of rows, as whole rows would.
     """
     rule = seat.rule
-    rows = "(select * replace (rowid as proposal_id) from survivors where alive <> 0)"
+    numbered = before == ALIVE and rule.reads.passes_id
+    rows = before
+    if numbered:  # a row's number travels through the rule, not the row
+        rows = f"(select * replace (rowid as {_ID}) from survivors where alive <> 0)"
+    elif rule.reads.passes_id:
+        return _after(seat, _with_verdict(seat, before, relations), f"passed_{seat.number}")
     verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": rows})
-    return (
-        f"select s as kept, v.passed from ({verdicts}\n) v "
-        "left join survivors s on s.rowid = v.proposal_id"
+    left, key = ("left join survivors", "rowid") if numbered else (f"join {before}", _ID)
+    return _after(
+        seat,
+        f"(select s.*, v.passed from ({verdicts}\n) v {left} s on s.{key} = v.{_ID})",
+        "passed",
     )
 
 
-def _joined(seat: Seat, before: str, relations: Relations) -> str:
-    """As `_with_rows`, for a rule that does more with the id than to hand it on."""
-    rule = seat.rule
-    verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": before})
+def _after(seat: Seat, rows: str, passed: str) -> str:
+    """SQL of the rows after a rule, of rows that have its verdict."""
     return (
-        f"select s as kept, v.passed from ({verdicts}\n) v "
-        f"join {before} s on s.proposal_id = v.proposal_id"
+        f"(select * replace (carried | case when {passed} then {1 << seat.number} else 0 end "
+        f"as carried, alive & ~({seat.failed(passed)})::bigint as alive) from {rows})"
     )

@@ -29,10 +29,12 @@ class Seat:
         """Whether a proposal's row goes in and comes out, so that there is nothing to check."""
         return self.rule.reads.passes_id and self.rule.reads.row_by_row
 
-    def alive_after(self, alive: str) -> str:
-        """SQL of the presets that still take a proposal after this rule's `passed`."""
-        gone = f"case when passed then 0 when passed is null then {self.strict} "
-        return f"{alive} & ~({gone}else {self.listening} end)::bigint"
+    def failed(self, passed: str) -> str:
+        """SQL of the presets that a verdict fails a proposal for."""
+        return (
+            f"case when {passed} then 0 when {passed} is null then {self.strict} "
+            f"else {self.listening} end"
+        )
 
 
 def seats(presets: Sequence[FilledPreset]) -> list[Seat]:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
+from pathlib import Path
 
 import duckdb
 
 from tcrdata.errors import RuleError
+
+_HANDS_ON = re.compile(r"select\s+(\w+)\.proposal_id\s*,", re.IGNORECASE)
 
 Relations = Mapping[str, str]
 """Evidence table to the SQL that stands for it behind `from`."""
@@ -18,6 +22,17 @@ def scoped(select: str, tables: tuple[str, ...], relations: Relations) -> str:
         f"{table} as not materialized (select * from {relations[table]})" for table in tables
     )
     return f"with {scope}\nselect * from (\n{select}\n)" if scope else select
+
+
+def handing_on(select: str, columns: str) -> str | None:
+    """A select of `p.proposal_id, ...` that gives these columns of `p` in the place of the id.
+
+    None where its text starts otherwise, though it may mean the same.
+    """
+    changed, times = _HANDS_ON.subn(
+        lambda found: f"select {columns.format(p=found[1])},", select, count=1
+    )
+    return changed if times and _HANDS_ON.match(select) else None
 
 
 def quoted(text: str) -> str:
@@ -38,3 +53,17 @@ def run_sql(
 def count(connection: duckdb.DuckDBPyConnection, relation: str) -> int:
     """Number of rows."""
     return int(connection.execute(f"select count(*) from {relation}").fetchall()[0][0])
+
+
+def located(path: Path, first_line: int, error: duckdb.Error) -> str:
+    """One line for a DuckDB error: file, line, what is wrong, what DuckDB suggests.
+
+    Args:
+        path: file the SQL came from.
+        first_line: 1-based line in the file at which that SQL starts.
+        error: its message ends with `LINE n: ...` when DuckDB knows the place.
+    """
+    message, _, place = str(error).partition("\n\nLINE ")
+    number = place.partition(":")[0]
+    line = first_line + int(number) - 1 if number.isdigit() else first_line
+    return f"{path}:{line}: {' '.join(message.split())}"

@@ -15,12 +15,16 @@ from tcrdata.rules.judging import judge
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
 from tcrdata.store import FileEntry, Store, Unit, schemas
+from tcrdata.store.columns import repeated
+from tcrdata.store.compaction import read_bundles
 from tcrdata.store.filesystem import Filesystem
-from tcrdata.store.rows import repeated
 from tcrdata.store.views import create_views
 
-BATCH_ROWS = 2_000_000
+BATCH_ROWS = 750_000
 """Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
+
+BUNDLED = 3
+"""As many times more where files are bundled: a bundle is read where all of its files are."""
 
 _BATCH = "batch"  # schema that holds the views of the batch at hand
 
@@ -50,7 +54,8 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:
         connection.execute("set global parquet_metadata_cache = true")
-        for batch in _batches(run.files):
+        rows_at_once = BATCH_ROWS * (BUNDLED if read_bundles(opened) else 1)
+        for batch in _batches(run.files, rows_at_once):
             connection.execute(f"drop schema if exists {_BATCH} cascade")
             create_views(connection, opened, batch, {}, _BATCH)
             relations = {t: of_round(f"{_BATCH}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
@@ -107,8 +112,8 @@ def _own_row(
     return {name: made[name] for name in row}
 
 
-def _batches(files: Sequence[FileEntry]) -> Iterator[dict[str, list[FileEntry]]]:
-    """Files of whole sequences, in order, about BATCH_ROWS proposals together."""
+def _batches(files: Sequence[FileEntry], rows_at_once: int) -> Iterator[dict[str, list[FileEntry]]]:
+    """Files of whole sequences, in order, about so many proposals together."""
     sequences: dict[tuple[str, str], list[FileEntry]] = defaultdict(list)
     for entry in files:
         sequences[entry.unit.dataset, entry.unit.sequence].append(entry)
@@ -116,7 +121,7 @@ def _batches(files: Sequence[FileEntry]) -> Iterator[dict[str, list[FileEntry]]]
     rows = 0
     for key in sorted(sequences):
         more = sum(entry.rows for entry in sequences[key] if entry.table == "proposals")
-        if rows and rows + more > BATCH_ROWS:
+        if rows and rows + more > rows_at_once:
             yield batch
             batch, rows = {table: [] for table in EVIDENCE_TABLES}, 0
         for entry in sequences[key]:

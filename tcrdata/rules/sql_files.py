@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
 import duckdb
 
 from tcrdata.errors import RuleError
+from tcrdata.rules.scopes import located, quoted
 
 Kind = Literal["number", "text", "true or false"]
 Token = tuple[int, str]  # byte offset, text
@@ -96,9 +98,7 @@ def read_sql_file(
         wanted = f"a line '-- {missing[0]}: ...'" if missing else "a sentence on what it decides"
         raise RuleError(f"{path}:1: the header comment lacks {wanted}")
     *settings, (select_at, select) = _statements(path, text)
-    parameters = tuple(
-        _parameter(path, text, at, statement, connection) for at, statement in settings
-    )
+    parameters = _parameters(path, text, settings, connection)
     for index, parameter in enumerate(parameters):
         if parameter.name in (earlier.name for earlier in parameters[:index]):
             raise RuleError(f"{path}:{parameter.line}: parameter {parameter.name} is set twice")
@@ -207,28 +207,51 @@ def _span(text: str, span: list[Token]) -> Token:
     return start, text.encode()[start : last + len(token.encode())].decode().strip()
 
 
-def _parameter(
-    path: Path, text: str, start: int, statement: str, connection: duckdb.DuckDBPyConnection
-) -> Parameter:
-    """Run one `set variable` line and read the value back."""
-    line = _line(text, start)
-    where = f"{path}:{line}"
+def _parameters(
+    path: Path, text: str, settings: list[Token], connection: duckdb.DuckDBPyConnection
+) -> tuple[Parameter, ...]:
+    """Run the `set variable` lines and read all values back, at once."""
+    if not settings:
+        return ()
+    names = [_name_set(path, text, *setting) for setting in settings]
+    values = [f"getvariable({quoted(n)}), typeof(getvariable({quoted(n)}))" for n in names]
+    lines = [*(statement for _, statement in settings), f"select {', '.join(values)}"]
+    try:
+        (row,) = connection.execute(";\n".join(lines)).fetchall()
+    except duckdb.Error:
+        _run_each(path, text, settings, connection)
+        raise
+    found = []
+    for (at, statement), name, value, type_name in zip(
+        settings, names, row[::2], row[1::2], strict=True
+    ):
+        line, kind = _line(text, at), _kind(value, type_name)
+        if kind is None:
+            reason = f"{name} is {type_name}; a parameter is a number, text or boolean"
+            raise RuleError(f"{path}:{line}: {reason}")
+        unit, meaning = _comment(text, at + len(statement.encode()))
+        found.append(Parameter(name, to_literal(value, kind), kind, unit, meaning, path, line))
+    return tuple(found)
+
+
+def _name_set(path: Path, text: str, start: int, statement: str) -> str:
+    """Name of the variable that a line sets."""
     words = [token.strip() for _, token in _tokens(statement)]
     if len(words) < 5 or words[1].lower() != "variable" or words[3] != "=":
+        where = f"{path}:{_line(text, start)}"
         raise RuleError(f"{where}: write `set variable name = value;  -- unit: meaning`")
-    name = words[2]
-    try:
-        connection.execute(statement)
-        (row,) = connection.execute(
-            "select getvariable($1), typeof(getvariable($1))", [name]
-        ).fetchall()
-    except duckdb.Error as error:
-        raise RuleError(located(path, line, error)) from error
-    kind = _kind(row[0], row[1])
-    if kind is None:
-        raise RuleError(f"{where}: {name} is {row[1]}; a parameter is a number, text or boolean")
-    unit, meaning = _comment(text, start + len(statement.encode()))
-    return Parameter(name, to_literal(row[0], kind), kind, unit, meaning, path, line)
+    return words[2]
+
+
+def _run_each(
+    path: Path, text: str, settings: list[Token], connection: duckdb.DuckDBPyConnection
+) -> None:
+    """Find the line that does not run."""
+    for start, statement in settings:
+        try:
+            connection.execute(statement)
+        except duckdb.Error as error:
+            raise RuleError(located(path, _line(text, start), error)) from error
 
 
 def _kind(value: Any, type_name: str) -> Kind | None:
@@ -250,8 +273,9 @@ def _comment(text: str, end: int) -> tuple[str, str]:
     return (unit.strip(), meaning.strip()) if colon else ("", unit.strip())
 
 
-def _places(select: str) -> list[tuple[int, int, str]]:
-    """Byte spans of `getvariable('name')` and the names."""
+@lru_cache(maxsize=256)
+def _places(select: str) -> tuple[tuple[int, int, str], ...]:
+    """Byte spans of `getvariable('name')` and the names; a text is filled in again and again."""
     tokens = _tokens(select)
     places = []
     for (start, word), opened, (_, text), (last, closed) in zip(
@@ -260,23 +284,9 @@ def _places(select: str) -> list[tuple[int, int, str]]:
         call = (word.strip().lower(), opened[1].strip(), closed.strip()[:1])
         if call == ("getvariable", "(", ")") and text.startswith("'"):
             places.append((start, last + 1, text.strip()[1:-1]))
-    return places
+    return tuple(places)
 
 
 def _line(text: str, byte_offset: int) -> int:
     """1-based line of a byte offset."""
     return text.encode()[:byte_offset].count(b"\n") + 1
-
-
-def located(path: Path, first_line: int, error: duckdb.Error) -> str:
-    """One line for a DuckDB error: file, line, what is wrong, what DuckDB suggests.
-
-    Args:
-        path: file the SQL came from.
-        first_line: 1-based line in the file at which that SQL starts.
-        error: its message ends with `LINE n: ...` when DuckDB knows the place.
-    """
-    message, _, place = str(error).partition("\n\nLINE ")
-    number = place.partition(":")[0]
-    line = first_line + int(number) - 1 if number.isdigit() else first_line
-    return f"{path}:{line}: {' '.join(message.split())}"

@@ -6,19 +6,17 @@ and nothing is joined but what a rule joins itself. Any other rule is joined by 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES, RULE_COLUMNS, Binder, Reads
 from tcrdata.rules.rounds import of_round
-from tcrdata.rules.scopes import quoted, scoped
+from tcrdata.rules.scopes import handing_on, quoted, scoped
 from tcrdata.rules.sql_files import SqlFile
 
 _KEYS = ("proposal_id", "dataset", "sequence", "frame", "source")
 _VERDICT = ("value", "bound", "passed")
-_HANDS_ON = re.compile(r"select\s+(\w+)\.proposal_id\s*,", re.IGNORECASE)
 _MARGIN = (
     "case when isfinite({bound}) then if({passed}, 1, if({passed} is null, null, -1)) "
     "* abs({value} - {bound}) / if({bound} = 0, 1, abs({bound})) end"
@@ -78,8 +76,8 @@ def _select(selection: Mapping[str, Any], reads: Mapping[str, Reads]) -> str:
 def _judged(rows: str, place: int, text: str, read: Reads, relations: Mapping[str, str]) -> str:
     """The rows with a rule's value, bound and verdict behind them."""
     renamed = ", ".join(f"{name} as {name}_{place}" for name in _VERDICT)
-    if read.passes_id and _HANDS_ON.match(text):
-        whole = _HANDS_ON.sub(r"select \1.*,", text, count=1)
+    whole = handing_on(text, "{p}.*") if read.passes_id else None
+    if whole:
         verdicts = scoped(whole, read.tables, {**relations, "proposals": rows})
         return f"(select * exclude ({', '.join(_VERDICT)}), {renamed}\nfrom ({verdicts}))"
     verdicts = scoped(text, read.tables, relations)

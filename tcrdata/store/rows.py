@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from tcrdata.errors import SchemaError
+from tcrdata.store.columns import array_of, repeated
 from tcrdata.store.commits import ANY_DATASET, Unit
 from tcrdata.store.schemas import arrow_schema, is_view
 
@@ -39,16 +40,6 @@ def to_rows(table: str, columns: Mapping[str, Any], unit: Unit) -> pa.Table:
     count = next(iter(lengths.values()), 0)
     arrays = [_column(table, field, columns, count, unit) for field in schema]
     return pa.Table.from_arrays(arrays, schema=schema)
-
-
-def repeated(value: str | int, count: int) -> pa.Array:
-    """A text or an int32 `count` times, without pandas, which Arrow's own scalars import."""
-    if isinstance(value, int):
-        numbers = pa.py_buffer(np.full(count, value, dtype=np.int32))
-        return pa.Array.from_buffers(pa.int32(), count, [None, numbers])
-    data = value.encode()
-    offsets = np.arange(count + 1, dtype=np.int32) * len(data)
-    return pa.StringArray.from_buffers(count, pa.py_buffer(offsets), pa.py_buffer(data * count))
 
 
 def _column(
@@ -85,11 +76,14 @@ def _to_array(table: str, field: pa.Field, values: Any) -> pa.Array:
         values = values.combine_chunks()
     try:
         if isinstance(values, pa.Array):
-            return values.cast(field.type)
+            return values if values.type == field.type else values.cast(field.type)
         if isinstance(values, np.ndarray) and values.ndim > 1:
             values = list(values.reshape(len(values), -1)) if len(values) else []
         if pa.types.is_map(field.type):
             values = [v if v is None else sorted(dict(v).items()) for v in values]
+        array = array_of(field.type, values)
+        if array is not None:
+            return array
         _check_kind(field.type, values)
         return pa.array(values, type=field.type, from_pandas=True)
     except (pa.ArrowException, TypeError, ValueError, OverflowError) as error:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -12,7 +13,7 @@ from tcrdata.errors import SchemaError
 from tcrdata.resources import resource_files
 
 if TYPE_CHECKING:
-    import duckdb
+    pass
 
 SCHEMA_VERSION = 3
 """Version of all tables together; a store made with another one is refused."""
@@ -126,19 +127,28 @@ def _tables() -> dict[str, _Table]:
     # DuckDB reads the DDL: no second parser of SQL to keep in step with it.
     with duckdb.connect() as connection:
         connection.execute("\n".join(texts.values()))
-        return {name: _described(name, text, connection) for name, text in texts.items()}
+        described = connection.execute(
+            "select table_name, column_name, lower(data_type), is_nullable "
+            "from duckdb_columns() where not internal order by table_name, column_index"
+        ).fetchall()
+        kinds = {kind: _arrow_type(connection.type(kind)) for kind in {row[2] for row in described}}
+    return {
+        name: _described(name, text, [row[1:] for row in described if row[0] == name], kinds)
+        for name, text in texts.items()
+    }
 
 
-def _described(name: str, text: str, connection: duckdb.DuckDBPyConnection) -> _Table:
+def _described(
+    name: str,
+    text: str,
+    described: list[tuple[str, str, bool]],
+    kinds: Mapping[str, pa.DataType],
+) -> _Table:
     """Put together what DuckDB says of a table's columns and what its file says."""
     comments = _comments(text)
-    described = connection.execute(f"describe {name}").fetchall()
-    found = [
-        Column(column, kind.lower(), comments.get(column, "")) for column, kind, *_ in described
-    ]
+    found = [Column(column, kind, comments.get(column, "")) for column, kind, _ in described]
     fields = [
-        pa.field(column, _arrow_type(connection.type(kind.lower())), nullable=nullable == "YES")
-        for column, kind, nullable, *_ in described
+        pa.field(column, kinds[kind], nullable=nullable) for column, kind, nullable in described
     ]
     metadata = {b"huggingface": _HUGGING_FACE_IMAGE} if name == "images" else None
     return _Table(text, _weight(text), found, pa.schema(fields, metadata=metadata))

@@ -52,6 +52,8 @@ def known_columns(store: Store) -> dict[str, Any]:
 
 
 def measured(store: Store, round: int = 2, **settings: Any) -> dict[str, list[dict[str, Any]]]:
+    """What the cue gives; of one look, since the network of these tests knows no other."""
+    settings = {"turn_rad": 0.0, **settings}
     sequence = sequence_of(store)
     dataset = registry.find("datasets", "kitti").open_dataset(
         store.read("sequences")["root"][0].as_py()
@@ -70,8 +72,9 @@ def measured(store: Store, round: int = 2, **settings: Any) -> dict[str, list[di
     return rows
 
 
-def test_what_was_labelled_is_found_again(world: Store) -> None:
-    rows = measured(world)
+@pytest.mark.parametrize("turn_rad", [0.0, 0.05])
+def test_what_was_labelled_is_found_again(world: Store, turn_rad: float) -> None:
+    rows = measured(world, turn_rad=turn_rad)
     for frame in range(3):
         found = [row for row in rows["proposals"] if row["frame"] == frame]
         van = label(sequence_of(world), frame, 0, True)

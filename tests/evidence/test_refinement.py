@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from tcrdata.evidence.refinement import refine
+from tcrdata.evidence.refinement import quantile, refine
 from tcrdata.evidence.sightings import RefinementSettings, Sightings
 from tcrdata.geometry.boxes import bev_iou
 
@@ -159,3 +159,10 @@ def test_a_small_world_refines_like_a_large_one():
     )
     assert small.center / 0.2 == pytest.approx(large.center, abs=1e-6)
     assert small.length / 0.2 == pytest.approx(large.length, abs=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 10, 31])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.5, 0.8, 0.9, 1.0])
+def test_quantiles_are_those_of_numpy(count, share):
+    values = np.random.default_rng(count).normal(size=count)
+    assert quantile(values, share) == float(np.quantile(values, share))

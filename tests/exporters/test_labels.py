@@ -11,9 +11,9 @@ from label_worlds import box, columns_of, frame_row, label_row, make_store, sequ
 
 from tcrdata.errors import MissingEvidenceError, SettingsError, TcrdataError
 from tcrdata.exporters import labels as shared
-from tcrdata.exporters.arrays import matrices
 from tcrdata.exporters.labels import ExportOptions, chosen_labels, open_folder
 from tcrdata.store import Store, Unit
+from tcrdata.store.table_arrays import matrices
 
 LABELS = [
     label_row("b", 2, "b1", 0.9, track_id="t", **box(0, 10)),

@@ -20,6 +20,7 @@ from tcrdata.learning.augmentation import (
     image_placement,
     jittered,
 )
+from tcrdata.learning.clouds import Cloud, owners
 from tcrdata.learning.detector_samples import (
     DetectorSamples,
     cloud_of,
@@ -83,9 +84,34 @@ def test_an_erased_square_never_takes_the_whole_object() -> None:
     xyz = (CAR[:3] + rng.uniform(-0.7, 0.7, (200, 3))).astype(np.float32)
     wide, narrow = xyz[:, :2] * 100, xyz[:, :2]
     settings = SweepAugmentation(erased_px=60.0)
-    gone = erased_points(xyz, labels_of(CAR), wide.astype(float), settings, rng)
-    assert 0 < gone.sum() <= 100
-    assert not erased_points(xyz, labels_of(CAR), narrow.astype(float), settings, rng).any()
+    cloud = cloud_around(xyz, labels_of(CAR))
+    gone = erased_points(cloud, wide.astype(float), settings, rng)
+    assert 0 < gone.sum() < 100
+    assert not erased_points(cloud, narrow.astype(float), settings, rng).any()
+
+
+def test_an_erased_square_never_takes_another_whole_object() -> None:
+    """A small object is seen beside the middle of a large one: what would erase it is left."""
+    small = np.array([1.3, 0.9, 20.0, 0.8, 0.8, 1.5, 0.0])
+    rng = np.random.default_rng(2)
+    spread = rng.uniform(-1, 1, (400, 3)) * CAR[[3, 5, 4]] / 2
+    xyz = np.vstack([CAR[:3] + spread, small[:3] + rng.uniform(-0.3, 0.3, (30, 3))])
+    pixels = np.where((np.arange(430) < 400)[:, None], (xyz[:, :2] - CAR[:2]) * 30, 0.0)
+    pixels[400:] = rng.uniform(-4, 4, (30, 2))
+    settings = SweepAugmentation(erased_px=20.0)
+    alone = cloud_around(xyz.astype(np.float32), labels_of(CAR))
+    both = cloud_around(xyz.astype(np.float32), labels_of(CAR, small))
+    taken = 0
+    for seed in range(10):
+        gone = erased_points(both, pixels, settings, np.random.default_rng(seed))
+        assert gone[400:].sum() < 15
+        taken += erased_points(alone, pixels, settings, np.random.default_rng(seed))[400:].sum()
+    assert taken > 100, "unlabelled, it goes"
+
+
+def cloud_around(xyz: np.ndarray, labels: LabelBoxes) -> Cloud:
+    ground = np.zeros(len(xyz), bool)
+    return Cloud(xyz, xyz[:, 1], ground, np.arange(len(xyz)), owners(xyz, ground, labels))
 
 
 def background(kind: str, unsure: list[list[float]]) -> np.ndarray:
@@ -118,13 +144,14 @@ def test_what_was_seen_standing_is_sure_and_what_moves_unlabelled_is_not(
 ) -> None:
     row = rows["detector"]
     nobody = LabelBoxes(np.empty((0, 7)), np.empty(0, bool), np.empty(0, bool))
-    unsure = unsure_points(row, cloud_of(row), nobody)
+    unsure = unsure_points(row, cloud_of(row, nobody), nobody)
     assert 0 < unsure.sum() < 0.5 * len(unsure)
     assert not (unsure & row["ground"]).any()
     van = next(label for label in row["labels"] if label["positive"])
     names = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
     box = np.array([van[name] for name in names])
-    assert not unsure_points(row, cloud_of(row), labels_of(box))[unsure].any()
+    labels = labels_of(box)
+    assert not unsure_points(row, cloud_of(row, labels), labels)[unsure].any()
 
 
 @pytest.mark.parametrize("network", ["birds_eye", "release_birds_eye", "volume"])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.binding import Binder
+from tcrdata.rules.binding import STEADY, Binder, unsteady
 from tcrdata.rules.rule_files import load_rule, load_rules
 from tcrdata.rules.sql_files import fill_in, to_literal, uses
 
@@ -121,3 +121,7 @@ def test_filling_in_leaves_strings_and_comments_alone() -> None:
 )
 def test_equal_values_have_one_spelling(value: object, kind: str, literal: str) -> None:
     assert to_literal(value, kind) == literal  # type: ignore[arg-type]
+
+
+def test_what_is_taken_for_steady_is() -> None:
+    assert not STEADY & unsteady()

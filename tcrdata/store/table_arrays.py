@@ -1,6 +1,7 @@
 """Columns of Arrow tables as arrays.
 
-Arrow's own `to_numpy` imports pandas wherever it is installed: half a second that no export needs.
+Arrow's own `to_numpy` imports pandas wherever it is installed: half a second that neither builds
+nor exports need.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from typing import TypeVar
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from tcrdata.types import BoolArray, FloatArray, IntArray
@@ -20,13 +20,13 @@ _Number = TypeVar("_Number", np.float64, np.int64, np.uint8)
 
 def numbers(column: pa.ChunkedArray) -> FloatArray:
     """Return (N,) float64 of a numeric column; NaN for NULL."""
-    values = _values(_whole(column.cast(pa.float64())), np.float64)
-    return np.where(truths(column.is_valid()), values, np.nan)
+    whole = _whole(_as(column, pa.float64()))
+    return np.where(_validity(whole), _values(whole, np.float64), np.nan)
 
 
 def whole_numbers(column: pa.ChunkedArray) -> IntArray:
     """Return (N,) int64 of a column of whole numbers without NULL."""
-    return _values(_whole(column.cast(pa.int64())), np.int64)
+    return _values(_whole(_as(column, pa.int64())), np.int64)
 
 
 def truths(column: pa.ChunkedArray) -> BoolArray:
@@ -48,6 +48,18 @@ def matrices(table: pa.Table, name: str, shape: tuple[int, int]) -> FloatArray:
     return result
 
 
+def index_lists(column: pa.ChunkedArray) -> list[IntArray]:
+    """Return the lists of whole numbers of a column, an array each; an empty one for NULL."""
+    found: list[IntArray] = []
+    for chunk in column.chunks:
+        inner = whole_numbers(pa.chunked_array([chunk.values]))
+        buffer = chunk.buffers()[1]
+        ends = np.frombuffer(buffer, np.int32)[chunk.offset :] if buffer else np.zeros(1, np.int32)
+        spans = zip(ends[: len(chunk)].tolist(), ends[1 : len(chunk) + 1].tolist(), strict=True)
+        found += [inner[a:b] for a, b in spans]
+    return found
+
+
 def rows_at(table: pa.Table, rows: IntArray) -> pa.Table:
     """Return some rows of a table, given as (K,) int64."""
     buffer = pa.py_buffer(np.ascontiguousarray(rows, dtype=np.int64))
@@ -56,6 +68,8 @@ def rows_at(table: pa.Table, rows: IntArray) -> pa.Table:
 
 def by_sequence(table: pa.Table) -> dict[str, pa.Table]:
     """Return the rows of each sequence, of rows in that order."""
+    import pyarrow.compute as pc
+
     runs = pc.run_end_encode(_whole(table["sequence"]))
     edges = pairwise([0, *runs.run_ends.to_pylist()])
     return {
@@ -69,6 +83,20 @@ def _whole(column: pa.ChunkedArray) -> pa.Array:
     if column.num_chunks == 1:
         return column.chunk(0)
     return pa.concat_arrays([pa.nulls(0, column.type), *column.chunks])
+
+
+def _as(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray:
+    """Return a column as one of a type; where it is already, Arrow's functions are not imported."""
+    return column if column.type == kind else column.cast(kind)
+
+
+def _validity(array: pa.Array) -> BoolArray:
+    """Return which values are there."""
+    buffer = array.buffers()[0]
+    if buffer is None:
+        return np.ones(len(array), np.bool_)
+    bits = np.unpackbits(np.frombuffer(buffer, np.uint8), bitorder="little")
+    return bits[array.offset : array.offset + len(array)].view(np.bool_)
 
 
 def _values(array: pa.Array, kind: type[_Number]) -> NDArray[_Number]:

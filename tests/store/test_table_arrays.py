@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
-from tcrdata.exporters.arrays import (
+from tcrdata.store.table_arrays import (
     by_sequence,
     columns,
+    index_lists,
     matrices,
     numbers,
     rows_at,
@@ -26,7 +28,9 @@ import sys
 
 import duckdb
 
-from tcrdata.exporters.arrays import by_sequence, columns, matrices, rows_at, truths
+from store_rows import commit, confidences
+from tcrdata.store import open_store
+from tcrdata.store.table_arrays import by_sequence, columns, matrices, rows_at, truths
 
 table = duckdb.sql(
     "select i, i > 1 as more, if(i = 2, null, [1::double, i]) as pair, "
@@ -37,6 +41,7 @@ assert matrices(table, "pair", (1, 2))[3].tolist() == [[1, 3]]
 parts = by_sequence(rows_at(table, columns(table, ("i",))[:, 0].astype(int)))
 assert [part.num_rows for part in parts.values()] == [2, 2]
 assert by_sequence(table.slice(0, 0)) == {}
+commit(open_store("memory://plain", create=True), confidences=confidences(3))
 assert "pandas" not in sys.modules
 """
 
@@ -63,6 +68,13 @@ def test_matrices_of_a_part_of_a_table() -> None:
     np.testing.assert_array_equal(found, [[[np.nan], [np.nan]], [[3], [4]]])
 
 
+def test_lists_of_a_part_of_a_column() -> None:
+    part = pa.array([[9], [1, 2], None, [3]], pa.list_(pa.int32())).slice(1)
+    column = pa.chunked_array([part, part.slice(0, 1)])
+    assert [row.tolist() for row in index_lists(column)] == [[1, 2], [], [3], [1, 2]]
+    assert index_lists(pa.chunked_array([], pa.list_(pa.int32()))) == []
+
+
 def test_rows_of_sequences() -> None:
     table = pa.table({"sequence": ["a", "b", "b", "c"], "n": [0, 1, 2, 3]})
     assert {k: v["n"].to_pylist() for k, v in by_sequence(table).items()} == {
@@ -74,4 +86,4 @@ def test_rows_of_sequences() -> None:
 
 
 def test_pandas_is_not_imported() -> None:
-    subprocess.run([sys.executable, "-c", WITHOUT_PANDAS], check=True)
+    subprocess.run([sys.executable, "-c", WITHOUT_PANDAS], check=True, cwd=Path(__file__).parent)
