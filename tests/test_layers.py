@@ -196,8 +196,8 @@ def test_bpy_stays_in_the_process_of_the_renderer(repository: Path) -> None:
     """Its licence and its crashes are not this process's: the program is run, never imported."""
     package = repository / "tcrdata"
     program = package / "datasets" / "blender_scene.py"
-    roots = {path: {name.split(".")[0] for name in imports_of(path)} for path in modules(repository)}
-    assert [path for path, found in roots.items() if "bpy" in found] == [program]
+    imported = {path: imports_of(path) for path in modules(repository)}
+    roots = {path: {name.split(".")[0] for name in names} for path, names in imported.items()}
+    assert [path for path, names in roots.items() if "bpy" in names] == [program]
     assert roots[program] - sys.stdlib_module_names == {"bpy", "mathutils", "numpy"}
-    named = [path for path in roots if any("blender_scene" in name for name in imports_of(path))]
-    assert named == []
+    assert not any("blender_scene" in name for names in imported.values() for name in names)

@@ -1,10 +1,11 @@
-"""What Blender is asked to render: the things of a clip, where they are, cameras and lamps, as JSON.
+"""What Blender is asked to render: a clip's things, where they are, cameras and lamps, as JSON.
 
 A job has `width_px`, `height_px`, `samples`, `denoise`, `threads`, `seed`, `part_path` (where an
-image is written before it is moved; {} is the process's id), `ambient` (linear RGB from all around), `lights` (`place_m`,
-`target_m`, `watts`, `size_m`), `things` (`shape`, `half_size_m`, linear `colour`, `look`),
-`poses` (by frame, `world_T_thing` of each), `cameras` (`intrinsics_px`, `world_T_camera`) and
-`images` (`kind` rgb or geometry, `camera`, `frame`, `path`).
+image is written before it is moved; {} is the process's id), `ambient` (linear RGB from all
+around), `lights` (`place_m`, `target_m`, `watts`, `size_m`), `things` (`shape`, `half_size_m`,
+linear `colour`, `look`: rubber, metal or ground), `poses` (by frame, `world_T_thing` of each),
+`cameras` (`intrinsics_px`, `world_T_camera`) and `images` (`kind` rgb or geometry, `camera`,
+`frame`, `path`).
 """
 
 from __future__ import annotations

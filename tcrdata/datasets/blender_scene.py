@@ -23,10 +23,11 @@ from mathutils import Matrix, Vector
 
 # Round shapes are polyhedra of so many sides: none is off by more than 7e-4 of its radius.
 SIDES = 128
-RUBBER = {"Metallic": 0.0, "Roughness": 0.7, "Specular IOR Level": 0.25}
-METAL = {"Metallic": 1.0, "Roughness": 0.22}
-GROUND = {"Metallic": 0.0, "Roughness": 0.9, "Specular IOR Level": 0.1}
-LOOKS = {"rubber": RUBBER, "metal": METAL, "ground": GROUND}
+LOOKS = {
+    "rubber": {"Metallic": 0.0, "Roughness": 0.7, "Specular IOR Level": 0.25},
+    "metal": {"Metallic": 1.0, "Roughness": 0.22},
+    "ground": {"Metallic": 0.0, "Roughness": 0.9, "Specular IOR Level": 0.1},
+}
 GEOMETRY_FILTER_PX = 0.01
 
 
@@ -114,13 +115,8 @@ def look(thing: dict[str, Any]) -> Any:
 
 def unit_mesh(shape: str) -> Any:
     """Return the mesh of a shape within +-1: a round one has its corners on its surface."""
-    corners, faces = {
-        "plane": plane,
-        "box": box,
-        "sphere": sphere,
-        "cylinder": cylinder,
-        "cone": cone,
-    }[shape]()
+    shapes = {"plane": plane, "box": box, "sphere": sphere, "cylinder": cylinder, "cone": cone}
+    corners, faces = shapes[shape]()
     mesh = bpy.data.meshes.new(shape)
     mesh.from_pydata(corners, [], faces)
     if shape == "sphere":
@@ -221,9 +217,7 @@ def write_rgb(path: Path, job: dict[str, Any]) -> None:
     cycles.samples, cycles.use_denoising = job["samples"], job["denoise"]
     cycles.pixel_filter_type, cycles.filter_width = "BLACKMAN_HARRIS", 1.5
     cycles.max_bounces = 8
-    output = scene.render.image_settings
-    output.file_format, output.color_mode, output.color_depth = "PNG", "RGB", "8"
-    render(path)
+    render(path, "PNG", "8")
     path.write_bytes(pixels_alone(path.read_bytes()))
 
 
@@ -253,9 +247,7 @@ def write_geometry(path: Path, job: dict[str, Any]) -> None:
     cycles = scene.cycles
     cycles.samples, cycles.use_denoising, cycles.max_bounces = 1, False, 0
     cycles.pixel_filter_type, cycles.filter_width = "BOX", GEOMETRY_FILTER_PX
-    output = scene.render.image_settings
-    output.file_format, output.color_mode, output.color_depth = "OPEN_EXR", "RGB", "32"
-    render(path)
+    render(path, "OPEN_EXR", "32")
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     pixels = np.empty(4 * job["width_px"] * job["height_px"], dtype=np.float32)
@@ -290,9 +282,12 @@ def set_background(world: Any, colour: list[float]) -> None:
     world.node_tree.nodes["Background"].inputs["Color"].default_value = (*colour, 1.0)
 
 
-def render(path: Path) -> None:
+def render(path: Path, file_format: str, bits: str) -> None:
     """Render into a file."""
-    bpy.context.scene.render.filepath = str(path)
+    settings = bpy.context.scene.render
+    output = settings.image_settings
+    output.file_format, output.color_mode, output.color_depth = file_format, "RGB", bits
+    settings.filepath = str(path)
     bpy.ops.render.render(write_still=True)
 
 

@@ -7,7 +7,6 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -241,7 +240,8 @@ def test_the_command_draws_beside_the_store(stand_in: StandIn, tmp_path: Path) -
     store = ("--preset", "tabletop", "--store", tmp_path / "store")
     given = ("build", "--dataset", "cater", "--generate", SPEC, *store, "--renderer")
     assert "dataset cater has raycast, blender" in refused(*given, "eevee")
-    assert "add --generate" in refused("build", "--dataset", "demo", *store, "--renderer", "blender")
+    demo = ("build", "--dataset", "demo", *store, "--renderer", "blender")
+    assert "add --generate" in refused(*demo)
     assert "6 of 6 units to make" in done(*given, "blender", "--dry-run").err
     assert not (tmp_path / "store-clips").exists()
     stand_in.tell("crashes", "1")
