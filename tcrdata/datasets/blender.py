@@ -1,7 +1,7 @@
 """Draws generated clips with Blender, in CATER's look: rubber and metal under three soft lamps.
 
-Depth stays the ray caster's, which is exact where Blender's polyhedra are off by up to a
-millimetre; that both see the same is looked at in a camera's first frame.
+Depth stays the ray caster's, which is exact where Blender's polyhedra are off by a millimetre or
+two, and more at their rims; that both see the same is looked at in a camera's first frame.
 """
 
 from __future__ import annotations
