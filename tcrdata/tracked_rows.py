@@ -202,7 +202,7 @@ def unseen(sighting: Sighting) -> bool:
 
 def _pixels(box: FloatArray, projection: FloatArray | None) -> FloatArray:
     """Return the pixels of places spread over a (7,) level box; NaN where there are none."""
-    places = from_box(_PROBES * box[[3, 5, 4]], box)
+    places = from_box(_PROBES, box)
     if projection is None:
         return np.full((len(places), 2), np.nan)
     pixels, depth = level_project(projection, places)

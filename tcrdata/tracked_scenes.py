@@ -26,10 +26,11 @@ from tcrdata.evidence.range_images import (
     sensor_grid,
 )
 from tcrdata.evidence.world import World, make_world
-from tcrdata.geometry.transforms import inverse, transform_points
+from tcrdata.geometry.transforms import inverse
 from tcrdata.ingest import frames_of
 from tcrdata.plan import ROUND
 from tcrdata.store import Store, Unit
+from tcrdata.tracking.near_points import first_returns, unit_rows, world_points
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import (
     BoolArray,
@@ -68,10 +69,8 @@ class FrameView:
         """Return ranges of (N, 3) world points and of the first returns on their rays."""
         columns = np.ascontiguousarray(points.T, dtype=np.float32)
         cells, ranges = cells_of(columns, self._sensor_T_world, self._grid)
-        first = self._image.nearest_m.ravel()[cells]
-        # A LiDAR leaves cells empty between its beams: the window around says what is there.
-        first = np.where(np.isinf(first), self._image.window_m.ravel()[cells], first)
-        return ranges.astype(np.float64), np.where(cells > 0, first, np.nan).astype(np.float64)
+        first = first_returns(cells, self._image.nearest_m, self._image.window_m)
+        return ranges.astype(np.float64), first
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ class SceneSource:
         """Return one frame."""
         pose = self.world.poses.world_T_level[number]
         kept = ~self._ground(number, cloud)
-        points = transform_points(pose, cloud.xyz[kept]).astype(np.float32)
+        points = world_points(cloud.xyz, kept, pose.astype(np.float32))
         return Scene(
             number,
             points,
@@ -197,8 +196,7 @@ def reflectance_features(reflectance: Float32Array) -> Float32Array:
 
 def unit(features: np.ndarray) -> Float32Array:
     """Return rows of length 1."""
-    length = np.linalg.norm(features, axis=1, keepdims=True)
-    return np.ascontiguousarray(features / np.maximum(length, 1e-9), dtype=np.float32)
+    return unit_rows(np.ascontiguousarray(features))
 
 
 def scene_source(

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
-
 from tcrdata.tracking.scenes import Candidates
 from tcrdata.tracking.targets import Target
 from tcrdata.types import FloatArray
@@ -68,9 +66,17 @@ def cheapest(cost: FloatArray) -> tuple[list[int], list[int]]:
     """Return rows and columns of the cheapest assignment; what costs too much is left out."""
     if not cost.size:
         return [], []
-    rows, columns = linear_sum_assignment(cost)
-    near = cost[rows, columns] < _FAR
-    return rows[near].tolist(), columns[near].tolist()
+    near = cost < _FAR
+    if near.sum(axis=0).max() > 1 or near.sum(axis=1).max() > 1:
+        # Loaded where something is to be weighed: it takes longer than following a short clip.
+        from scipy.optimize import linear_sum_assignment
+
+        rows, columns = linear_sum_assignment(cost)
+        kept = near[rows, columns]
+        rows, columns = rows[kept], columns[kept]
+    else:
+        rows, columns = np.nonzero(near)
+    return rows.tolist(), columns.tolist()
 
 
 def _costs(

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcrdata.tracking.library import Library
-from tcrdata.tracking.scenes import Scene, to_box
+from tcrdata.tracking.near_points import add_heat
+from tcrdata.tracking.scenes import Scene
 from tcrdata.tracking.volumes import in_voxels, samples
 from tcrdata.types import Float32Array, FloatArray
 
@@ -66,15 +67,10 @@ def _passable(
     ranges, nearest = scene.view.nearest(points)
     with np.errstate(invalid="ignore"):
         values = (~(ranges <= nearest + margin_m)).astype(np.float64)
-    candidates = scene.candidates
-    for box, heat in zip(candidates.boxes, candidates.heat, strict=True):
-        half = box[[3, 5, 4]] / 2 + thick_m
-        reach = float(np.hypot(half[0], half[2]))
-        close = np.flatnonzero(
-            (np.abs(points[:, 0] - box[0]) <= reach) & (np.abs(points[:, 2] - box[2]) <= reach)
-        )
-        inside = close[(np.abs(to_box(points[close], box)) <= half).all(axis=1)]
-        values[inside] = np.minimum(values[inside] + heat, 1.0)
+    boxes = scene.candidates.boxes
+    halves = boxes[:, [3, 5, 4]] / 2 + thick_m
+    reaches = np.hypot(halves[:, 0], halves[:, 2])
+    add_heat(values, points, boxes, scene.candidates.turns, halves, reaches, scene.candidates.heat)
     return values
 
 

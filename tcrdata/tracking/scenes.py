@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from tcrdata.tracking.near_points import hidden_rays, spread
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
 
@@ -48,6 +50,12 @@ class Candidates:
     heat: FloatArray
     starts: BoolArray
     names: tuple[str | None, ...]
+
+    @cached_property
+    def turns(self) -> FloatArray:
+        """(M, 2) cosine and sine of the boxes' yaws."""
+        yaws = self.boxes[:, 6].tolist()
+        return np.array([(math.cos(yaw), math.sin(yaw)) for yaw in yaws]).reshape(-1, 2)
 
 
 @dataclass(frozen=True)
@@ -94,35 +102,13 @@ def look(view: View, box: FloatArray, margin_m: float) -> BoxView:
         box: in the world.
         margin_m: a return must be this much nearer than the box to hide it.
     """
-    points = from_box(_SAMPLES * box[[3, 5, 4]], box)
+    turn = math.cos(box[6]), math.sin(box[6])
+    points = spread(_SAMPLES, box, turn)
     ranges, nearest = view.nearest(points)
-    entry = _entry(view.origin, points, box)
-    with np.errstate(invalid="ignore"):
-        hidden = np.isnan(nearest) | (nearest < entry * ranges - margin_m)
-    return BoxView(float(1 - hidden.mean()))
-
-
-def _entry(origin: FloatArray, points: FloatArray, box: FloatArray) -> FloatArray:
-    """Return where rays to (N, 3) points of a box enter it, as shares of the way there."""
-    start = to_box(origin[None], box)[0]
-    way = to_box(points, box) - start
-    half = np.maximum(box[[3, 5, 4]] / 2, 1e-6)
-    way = np.where(np.abs(way) < 1e-9, 1e-9, way)
-    near, far = (-half - start) / way, (half - start) / way
-    return np.asarray(np.maximum(np.minimum(near, far).max(axis=1), 0.0))
-
-
-def to_box(points: FloatArray, box: FloatArray) -> FloatArray:
-    """Return (N, 3) world points from a box's centre along its length, down, and its width."""
-    c, s = math.cos(box[6]), math.sin(box[6])
-    dx, dz = points[:, 0] - box[0], points[:, 2] - box[2]
-    return np.column_stack([c * dx - s * dz, points[:, 1] - box[1], s * dx + c * dz])
+    hidden = hidden_rays(view.origin, points, box, turn, ranges, nearest, margin_m)
+    return BoxView(1 - hidden / len(points))
 
 
 def from_box(points: FloatArray, box: FloatArray) -> FloatArray:
-    """Return `to_box` undone."""
-    c, s = math.cos(box[6]), math.sin(box[6])
-    along, across = points[:, 0], points[:, 2]
-    return np.column_stack(
-        [box[0] + c * along + s * across, box[1] + points[:, 1], box[2] - s * along + c * across]
-    )
+    """Return (N, 3) world points that lie so in a box: shares of its length, height and width."""
+    return spread(points, box, (math.cos(box[6]), math.sin(box[6])))

@@ -8,16 +8,20 @@ points: the cross-correlation of the template with the (sparse) volume of the fr
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
 from tcrdata.errors import SettingsError
-from tcrdata.tracking.scenes import to_box
+from tcrdata.tracking.near_points import blurred, near
 from tcrdata.tracking.volumes import correlations, in_voxels, rough_correlations, splat
 from tcrdata.types import Float32Array, FloatArray
+
+
+_BLUR = np.exp(-0.5 * np.arange(-2, 3) ** 2)  # a Gaussian of one voxel, cut at two
+_BLUR /= _BLUR.sum()
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,7 @@ def make_template(
 ) -> Template | None:
     """Return the template of the points in a (7,) box; None without any."""
     half = box[[3, 5, 4]] / 2 + settings.margin_m
-    inside, local = _near(box, points, half - settings.margin_m / 2)
+    inside, local = near(box, points, half - settings.margin_m / 2)
     if not len(inside):
         return None
     shape = tuple(np.maximum(np.ceil(2 * half / settings.voxel_m).astype(int), 3))
@@ -125,7 +129,7 @@ def updated(
     settings: CorrelationSettings,
 ) -> Template:
     """Return a template that has also seen the points in its (7,) box in another frame."""
-    inside, local = _near(box, points, box[[3, 5, 4]] / 2 + settings.margin_m / 2)
+    inside, local = near(box, points, box[[3, 5, 4]] / 2 + settings.margin_m / 2)
     if not len(inside) or not _comparable(template, features):
         return template
     raw = template.raw * np.float32(settings.fade)
@@ -145,7 +149,7 @@ def correlate(
     """Return where a template fits best around a predicted (7,) box; None without points there."""
     reach = settings.reach_m
     half = box[[3, 5, 4]] / 2
-    inside, local = _near(box, points, half + reach)
+    inside, local = near(box, points, half + reach)
     if not len(inside) or not _comparable(template, features):
         return None
     stride = -(-len(inside) // settings.most_points)
@@ -153,7 +157,7 @@ def correlate(
     places = in_voxels(local[::stride], template.first, template.voxel_m)
     best = _best_offset(template, places, features[chosen], half, settings)
     moved = _moved(box, best)
-    there, at = _near(moved, points, half + template.voxel_m / 2)
+    there, at = near(moved, points, half + template.voxel_m / 2)
     if not len(there):
         return None
     fit = _fit(template.volume, in_voxels(at, template.first, template.voxel_m), features[there])
@@ -198,6 +202,7 @@ def _comparable(template: Template, features: Float32Array) -> bool:
     return bool(template.raw.shape[3] == features.shape[1])
 
 
+@lru_cache(maxsize=8)
 def _searched(v: float, settings: CorrelationSettings) -> tuple[FloatArray, ...]:
     """Return the (N, 4) offsets (along, down, across, turn) that are tried, one set on another.
 
@@ -214,21 +219,6 @@ def _searched(v: float, settings: CorrelationSettings) -> tuple[FloatArray, ...]
         _grid(*[np.arange(-1, 2) * v / 3] * 3, np.array([-yaw / 2, 0.0, yaw / 2])),
         _grid(*[np.arange(-1, 2) * v / 9] * 3, np.zeros(1)),
     )
-
-
-def _near(
-    box: FloatArray, points: Float32Array, half: FloatArray
-) -> tuple[np.ndarray[tuple[int], np.dtype[np.intp]], FloatArray]:
-    """Return which points lie within half sizes of a box's centre, and where in its axes."""
-    reach = float(np.hypot(half[0], half[2]))
-    rough = np.flatnonzero(
-        (np.abs(points[:, 0] - box[0]) <= reach)
-        & (np.abs(points[:, 2] - box[2]) <= reach)
-        & (np.abs(points[:, 1] - box[1]) <= half[1])
-    )
-    local = to_box(points[rough].astype(np.float64), box)
-    inside = (np.abs(local) <= half).all(axis=1)
-    return rough[inside], local[inside]
 
 
 def _moved(box: FloatArray, offset: FloatArray) -> FloatArray:
@@ -257,7 +247,7 @@ def _template(
 
     Nothing is clipped: a template fits its own points best where they are, not beside.
     """
-    volume = gaussian_filter(raw, sigma=(1.0, 1.0, 1.0, 0.0), mode="constant", truncate=2.0)
+    volume = blurred(raw, _BLUR)
     own = _fit(volume, places, features)
     volume = np.ascontiguousarray(volume / np.float32(max(own, 1e-9)))
     return Template(raw, volume, first, voxel_m, len(places))
