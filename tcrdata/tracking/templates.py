@@ -16,7 +16,14 @@ from numpy.typing import NDArray
 
 from tcrdata.errors import SettingsError
 from tcrdata.tracking.near_points import blurred, near
-from tcrdata.tracking.volumes import correlations, in_voxels, rough_correlations, splat
+from tcrdata.tracking.volumes import (
+    best_pose,
+    correlations,
+    in_voxels,
+    poses_in_voxels,
+    rough_correlations,
+    splat,
+)
 from tcrdata.types import Float32Array, FloatArray
 
 
@@ -178,16 +185,13 @@ def _best_offset(
     v = template.voxel_m
     cost = settings.away_cost * len(places) / settings.reach_m
     arm = float(np.hypot(half[0], half[2]))
-    in_steps = np.array([1 / v, 1 / v, 1 / v, 1.0])
     centre = (-template.first / v).astype(np.float32)
     best = np.zeros(4)
     for step, offsets in enumerate(_searched(v, settings)):
-        tried = best + offsets
         score = correlations if step else rough_correlations
-        poses = (tried * in_steps).astype(np.float32)
+        poses = poses_in_voxels(best, offsets, 1 / v)
         scores = score(template.volume, places, features, centre, poses)
-        scores -= cost * (np.abs(tried[:, :3]).sum(axis=1) + arm * np.abs(tried[:, 3]))
-        best = tried[int(np.argmax(scores))]
+        best = best + offsets[best_pose(scores, best, offsets, cost, arm)]
     return best
 
 

@@ -61,6 +61,40 @@ def samples(volume: Float32Array, places: Float32Array) -> FloatArray:
     return result
 
 
+@compiled
+def poses_in_voxels(best: FloatArray, offsets: FloatArray, voxels_a_metre: float) -> Float32Array:
+    """Return (P, 4) poses in voxels and radians: (4,) metres and radians, each of (P, 4) added."""
+    poses = np.empty((len(offsets), 4), np.float32)
+    for h in range(len(offsets)):
+        for i in range(3):
+            poses[h, i] = (best[i] + offsets[h, i]) * voxels_a_metre
+        poses[h, 3] = best[3] + offsets[h, 3]
+    return poses
+
+
+@compiled
+def best_pose(
+    scores: FloatArray, best: FloatArray, offsets: FloatArray, cost: float, arm: float
+) -> int:
+    """Return the number of the best of (P,) scores, less what the way there costs.
+
+    Args:
+        scores: of the poses.
+        best: (4,) along, down, across in metres, and turn.
+        offsets: (P, 4) from there.
+        cost: of a metre.
+        arm: metres a radian.
+    """
+    found, highest = 0, -np.inf
+    for h in range(len(offsets)):
+        a, b = abs(best[0] + offsets[h, 0]), abs(best[1] + offsets[h, 1])
+        way = a + b + abs(best[2] + offsets[h, 2]) + arm * abs(best[3] + offsets[h, 3])
+        score = scores[h] - cost * way
+        if score > highest:
+            found, highest = h, score
+    return found
+
+
 @reordered
 def correlations(
     volume: Float32Array,
