@@ -8,11 +8,11 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from types import TracebackType
-from typing import TypeVar
+from typing import TypeVar, cast
 
 from tcrdata.errors import EvidenceError
 
@@ -120,6 +120,16 @@ class Processes:
 def executor(workers: int) -> Serial | Processes:
     """Return the executor for a number of workers: inline for one."""
     return Serial() if workers <= 1 else Processes(workers)
+
+
+def one_ahead(items: Iterator[T]) -> Iterator[T]:
+    """Yield items, each made in a thread while the one before is worked on: two are held at most."""
+    end = object()
+    with ThreadPoolExecutor(max_workers=1) as beside:
+        coming: Future[T | object] = beside.submit(next, items, end)
+        while (item := coming.result()) is not end:
+            coming = beside.submit(next, items, end)
+            yield cast(T, item)
 
 
 def start_server() -> None:

@@ -76,17 +76,19 @@ def _outcomes(
 ) -> Iterator[UnitOutcome]:
     """Track sequences side by side; rows do not depend on how many at once."""
     known = settings.digest(entries)
-    tasks = [(store_url, plan, entries, known, *key) for key in plan.sequences]
-    alone = workers < 2 or len(tasks) < 2 or store_url.startswith("memory")
+    alone = workers < 2 or len(plan.sequences) < 2 or store_url.startswith("memory")
+    beside = alone and workers > 1
+    tasks = [(store_url, plan, entries, known, beside, *key) for key in plan.sequences]
     with executor(1 if alone else workers) as parallel:
         assert isinstance(parallel, Serial | Processes)
         yield from parallel(_track_sequence, tasks)
 
 
 def _track_sequence(
-    task: tuple[str, TrackPlan, list[dict[str, Any]], str, str, str],
+    task: tuple[str, TrackPlan, list[dict[str, Any]], str, bool, str, str],
 ) -> UnitOutcome:
-    url, plan, entries, known, dataset, sequence = task
+    """Track one sequence; where it has the cores alone, frames are read beside."""
+    url, plan, entries, known, beside, dataset, sequence = task
     store = open_store(url)
     unit = unit_of(plan, dataset, sequence)
     labels = _labels(store, plan.selection_id, dataset, sequence)
@@ -98,7 +100,7 @@ def _track_sequence(
     try:
         source = scene_source(
             store, _dataset(store, dataset, sequence), dataset, sequence, labels, plan.round,
-            _model(store, plan),
+            _model(store, plan), beside=beside,
         )  # fmt: skip
         with store.writer(unit, settings_hash=hash_, inputs=inputs) as writer:
             for table, columns in _rows(store, plan, source, unit, entries, writer.error):

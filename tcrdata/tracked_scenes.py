@@ -26,6 +26,7 @@ from tcrdata.evidence.range_images import (
     sensor_grid,
 )
 from tcrdata.evidence.world import World, make_world
+from tcrdata.executors import one_ahead
 from tcrdata.geometry.transforms import inverse
 from tcrdata.ingest import frames_of
 from tcrdata.plan import ROUND
@@ -88,6 +89,7 @@ class SceneSource:
         plane: (a, b, c) of the table's plane y = a x + b z + c, for sequences whose ground was not
             measured; None where it was, or for a LiDAR.
         model: detector whose features are correlated; None for colour or reflectance.
+        beside: whether each frame is read in a thread while the one before is used.
     """
 
     dataset: Dataset
@@ -99,6 +101,7 @@ class SceneSource:
     heat: Mapping[str, float]
     plane: FloatArray | None = None
     model: Model | None = None
+    beside: bool = False
 
     def scenes(self, failed: Callable[[int, str], None]) -> Iterator[Scene]:
         """Yield every frame that can be read; the others are told to `failed`, with the reason.
@@ -106,6 +109,10 @@ class SceneSource:
         Raises:
             EvidenceError: no frame can be read.
         """
+        scenes = self._scenes(failed)
+        return one_ahead(scenes) if self.beside else scenes
+
+    def _scenes(self, failed: Callable[[int, str], None]) -> Iterator[Scene]:
         read, reason = 0, ""
         for number, frame in self.world.frames.items():
             try:
@@ -207,6 +214,8 @@ def scene_source(
     labels: list[dict[str, Any]],
     round: int,
     model: Model | None = None,
+    *,
+    beside: bool = False,
 ) -> SceneSource:
     """Return what one sequence's scenes are read from.
 
@@ -218,6 +227,7 @@ def scene_source(
         labels: rows of a selection's labels there.
         round: EM round of the selection: what later ones say of its labels is not heard.
         model: detector whose features are correlated; None for colour or reflectance.
+        beside: whether frames are read in a thread.
 
     Raises:
         MissingEvidenceError: the sequence was not built, or has no egomotion.
@@ -239,6 +249,7 @@ def scene_source(
     return SceneSource(
         dataset, info["sensor"], info["metric_scale"], tables, world, by_frame,
         _heat(store, name, sequence, labels, round), _plane(store, dataset, world, info), model,
+        beside,
     )  # fmt: skip
 
 
