@@ -1,18 +1,27 @@
-"""Measures the long range: 10,000 paths of 20 steps, scored in volumes of p.
+"""Measures the long range: 10,000 paths of 20 steps, scored in volumes of p; or whole trackings.
 
 Run as `python benchmarks/tracking.py`. The figure is the least of several runs, beside that of a
-loop over numpy's own trilinear sampling in the same process.
+loop over numpy's own trilinear sampling in the same process. With `--store`, which may be given
+several times, `tcrdata track` runs on a copy of each in a process of its own: seconds and peak
+memory, which must not grow with the length of a sequence.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import map_coordinates
 
+from tcrdata.store import open_store
 from tcrdata.tracking.long_range import Volume, score_paths
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import FloatArray
@@ -33,7 +42,13 @@ def main() -> None:
     parser.add_argument("--paths", type=int, default=10_000)
     parser.add_argument("--steps", type=int, default=20)
     parser.add_argument("--runs", type=int, default=20)
+    parser.add_argument("--store", action="append", default=[], help="track a copy of this store")
+    parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
+    for store in given.store:
+        track(store, given.workers)
+    if given.store:
+        return
     random = np.random.default_rng(0)
     values = random.random((given.steps, 64, 12, 64)).astype(np.float32)
     nothing = Candidates(np.zeros((0, 7)), np.zeros(0), np.zeros(0, dtype=bool), ())
@@ -53,6 +68,29 @@ def main() -> None:
     theirs = least_seconds(sampled, given.runs)
     print(f"{given.paths:,} paths x {given.steps} steps: {1e3 * ours:.1f} ms of CPU time, "
           f"scipy's map_coordinates {1e3 * theirs:.1f} ms, ratio {theirs / ours:.1f}")  # fmt: skip
+
+
+def track(store: str, workers: int) -> None:
+    """Print seconds and peak memory of a tracking of a copy, beside those of doing nothing then.
+
+    What a second run takes, which finds everything done, is start-up.
+    """
+    frames = open_store(store).read("frames", columns=["frame"]).num_rows
+    with tempfile.TemporaryDirectory() as folder:
+        copy = str(Path(folder) / "store")
+        shutil.copytree(store, copy)
+        command = [sys.executable, "-m", "tcrdata", "track", "--store", copy]
+        for what in ("tracked", "nothing to do"):
+            started = time.perf_counter()
+            child = subprocess.Popen(
+                [*command, "--workers", str(workers)], stderr=subprocess.DEVNULL
+            )
+            _, status, used = os.wait4(child.pid, 0)
+            if status:
+                raise SystemExit(f"{store}: tcrdata track failed")
+            wall, cpu = time.perf_counter() - started, used.ru_utime + used.ru_stime
+            print(f"{store}: {frames} frames {what}: {wall:.1f} s, {cpu:.1f} s of CPU time, "
+                  f"peak {used.ru_maxrss / 1024:.0f} MB")  # fmt: skip
 
 
 def least_seconds(function: Callable[[], object], runs: int) -> float:

@@ -123,7 +123,7 @@ def executor(workers: int) -> Serial | Processes:
 
 
 def one_ahead(items: Iterator[T]) -> Iterator[T]:
-    """Yield items, each made in a thread while the one before is worked on: two are held at most."""
+    """Yield items, each made in a thread while the one before is worked on: two are held."""
     end = object()
     with ThreadPoolExecutor(max_workers=1) as beside:
         coming: Future[T | object] = beside.submit(next, items, end)

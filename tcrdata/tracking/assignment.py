@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
 from tcrdata.tracking.scenes import Candidates
 from tcrdata.tracking.targets import Target
 from tcrdata.types import FloatArray

@@ -215,7 +215,7 @@ def blurred(values: Float32Array, weights: FloatArray) -> Float32Array:
 
 @compiled
 def unit_rows(features: FloatArray | Float32Array) -> Float32Array:
-    """Return rows of (N, C), C > 0, scaled to length 1, as float32; worked out in their own type."""
+    """Return rows of (N, C), C > 0, scaled to length 1 in their own type, as float32."""
     result = np.empty(features.shape, np.float32)
     for i in range(len(features)):
         total = features[i, 0] * features[i, 0]

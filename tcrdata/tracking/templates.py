@@ -26,7 +26,6 @@ from tcrdata.tracking.volumes import (
 )
 from tcrdata.types import Float32Array, FloatArray
 
-
 _BLUR = np.exp(-0.5 * np.arange(-2, 3) ** 2)  # a Gaussian of one voxel, cut at two
 _BLUR /= _BLUR.sum()
 
