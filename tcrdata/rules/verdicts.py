@@ -48,13 +48,11 @@ def _reads(selections: Sequence[Mapping[str, Any]]) -> dict[str, Reads]:
         for selection in selections
         for rule, text in zip(selection["rules"], selection["rule_texts"], strict=True)
     }
+    files: list[tuple[SqlFile, Mapping[str, str]]] = [
+        (SqlFile(Path(rule), "", {}, (), text, 1), {}) for text, rule in texts.items()
+    ]
     with Binder() as binder:
-        return {
-            text: binder.bind(
-                SqlFile(Path(rule), "", {}, (), text, 1), {}, RULE_COLUMNS, alone=True
-            )
-            for text, rule in texts.items()
-        }
+        return dict(zip(texts, binder.bind(files, RULE_COLUMNS, alone=True), strict=True))
 
 
 def _wanted(reads: Iterable[Reads]) -> list[str]:
