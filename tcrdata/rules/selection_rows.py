@@ -14,7 +14,7 @@ from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.judging import judge
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
-from tcrdata.store import FileEntry, Store, Unit, schemas
+from tcrdata.store import FileEntry, Store, Unit
 from tcrdata.store.columns import repeated
 from tcrdata.store.compaction import read_bundles
 from tcrdata.store.filesystem import Filesystem
@@ -67,7 +67,7 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
             own = repeated(run.unit.sequence, judged.labels.num_rows)
             yield "labels", {"selection_id": own, **columns}
         yield "labels", {}
-        yield "selections", _own_row(connection, run, positive, undecided)
+        yield "selections", _own_row(run, positive, undecided)
 
 
 def decided_by(preset: FilledPreset) -> dict[str, Any]:
@@ -80,13 +80,8 @@ def decided_by(preset: FilledPreset) -> dict[str, Any]:
     }
 
 
-def _own_row(
-    connection: duckdb.DuckDBPyConnection, run: Run, positive: int, undecided: int
-) -> dict[str, Any]:
-    """The columns of the selection's row of `selections`.
-
-    DuckDB makes Arrow columns of plain values; Arrow itself would import pandas for it.
-    """
+def _own_row(run: Run, positive: int, undecided: int) -> dict[str, list[Any]]:
+    """The columns of the selection's row of `selections`."""
     preset = run.preset
     row = {
         "selection_id": run.unit.sequence,
@@ -98,18 +93,13 @@ def _own_row(
         "rule_texts": [rule.select for rule in preset.rules],
         "required": [rule.required for rule in preset.rules],
         "preset_text": preset.select,
-        "parameters": dict(sorted(preset.parameters.items())),
+        "parameters": preset.parameters,
         "alternatives": json.dumps([decided_by(other) for other in preset.alternatives]),
         "proposals_judged": sum(e.rows for e in run.files if e.table == "proposals"),
         "labels": positive,
         "ignored": undecided,
     }
-    kinds = {column.name: column.type for column in schemas.columns("selections")}
-    made = connection.sql(
-        "select unnest(from_json($row, $kinds))",
-        params={"row": json.dumps(row), "kinds": json.dumps(kinds)},
-    ).to_arrow_table()
-    return {name: made[name] for name in row}
+    return {name: [value] for name, value in row.items()}
 
 
 def _batches(files: Sequence[FileEntry], rows_at_once: int) -> Iterator[dict[str, list[FileEntry]]]:
