@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import duckdb
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
-from tcrdata.rules.judging import judge
+from tcrdata.rules.judging import Judged, judge
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
 from tcrdata.store import FileEntry, Store, Unit
@@ -26,7 +27,11 @@ BATCH_ROWS = 750_000
 BUNDLED = 3
 """As many times more where files are bundled: a bundle is read where all of its files are."""
 
-_BATCH = "batch"  # schema that holds the views of the batch at hand
+AT_ONCE = 2
+"""Batches judged side by side: planning and putting in order keep one processor busy."""
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -55,12 +60,8 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
     with duckdb.connect() as connection:
         connection.execute("set global parquet_metadata_cache = true")
         rows_at_once = BATCH_ROWS * (BUNDLED if read_bundles(opened) else 1)
-        for batch in _batches(run.files, rows_at_once):
-            connection.execute(f"drop schema if exists {_BATCH} cascade")
-            create_views(connection, opened, batch, {}, _BATCH)
-            relations = {t: of_round(f"{_BATCH}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
-            rows = sum(entry.rows for entry in batch["proposals"])
-            judged = judge(connection, run.preset, relations, rows)
+        batches = enumerate(_batches(run.files, rows_at_once))
+        for judged in _in_turn(lambda batch: _judge(connection, opened, run, *batch), batches):
             positive += judged.positive
             undecided += judged.undecided
             columns = {name: judged.labels[name] for name in judged.labels.column_names}
@@ -68,6 +69,36 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
             yield "labels", {"selection_id": own, **columns}
         yield "labels", {}
         yield "selections", _own_row(run, positive, undecided)
+
+
+def _judge(
+    connection: duckdb.DuckDBPyConnection,
+    opened: Filesystem,
+    run: Run,
+    number: int,
+    batch: Mapping[str, Sequence[FileEntry]],
+) -> Judged:
+    """Judge the proposals of some files, in a session of its own."""
+    schema = f"batch_{number}"
+    with connection.cursor() as session:
+        create_views(session, opened, batch, {}, schema)
+        relations = {t: of_round(f"{schema}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
+        rows = sum(entry.rows for entry in batch["proposals"])
+        judged = judge(session, run.preset, relations, rows)
+        session.execute(f"drop schema {schema} cascade")
+    return judged
+
+
+def _in_turn(work: Callable[[_Item], _Result], items: Iterable[_Item]) -> Iterator[_Result]:
+    """Results in order; AT_ONCE items are at work, and no more are ahead of who takes them."""
+    with ThreadPoolExecutor(AT_ONCE) as pool:
+        ahead: deque[Future[_Result]] = deque()
+        for item in items:
+            if len(ahead) == AT_ONCE:
+                yield ahead.popleft().result()
+            ahead.append(pool.submit(work, item))
+        while ahead:
+            yield ahead.popleft().result()
 
 
 def decided_by(preset: FilledPreset) -> dict[str, Any]:
