@@ -234,8 +234,9 @@ class _Tree:
 
     @property
     def star(self) -> bool:
-        """Whether `*` or a whole row stands somewhere, so that every column counts as read."""
-        return "STAR" in self.classes or "proposals" in self.words
+        """Whether `*`, a whole row or a natural join makes every column count as read."""
+        natural = any(n.get("ref_type") == "NATURAL" for n in self._nodes)
+        return natural or "STAR" in self.classes or "proposals" in self.words
 
     @property
     def passes_id(self) -> bool:
