@@ -7,6 +7,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import duckdb
@@ -21,14 +22,14 @@ from tcrdata.store.compaction import read_bundles
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import create_views
 
-BATCH_ROWS = 750_000
-"""Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
-
-BUNDLED = 3
-"""As many times more where files are bundled: a bundle is read where all of its files are."""
+BATCH_ROWS = 500_000
+"""Proposals judged in one go, whole sequences: bounds the memory, decides nothing."""
 
 AT_ONCE = 2
 """Batches judged side by side: planning and putting in order keep one processor busy."""
+
+BUNDLED_ROWS = 2_250_000
+"""The same where files are bundled, one batch at a time: a bundle is read where all its files are."""
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
@@ -59,9 +60,10 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:
         connection.execute("set global parquet_metadata_cache = true")
-        rows_at_once = BATCH_ROWS * (BUNDLED if read_bundles(opened) else 1)
-        batches = enumerate(_batches(run.files, rows_at_once))
-        for judged in _in_turn(lambda batch: _judge(connection, opened, run, *batch), batches):
+        rows, at_once = (BUNDLED_ROWS, 1) if read_bundles(opened) else (BATCH_ROWS, AT_ONCE)
+        batches = enumerate(_batches(run.files, rows))
+        work = partial(_judge, connection, opened, run)
+        for judged in _in_turn(work, batches, at_once):
             positive += judged.positive
             undecided += judged.undecided
             columns = {name: judged.labels[name] for name in judged.labels.column_names}
@@ -75,26 +77,28 @@ def _judge(
     connection: duckdb.DuckDBPyConnection,
     opened: Filesystem,
     run: Run,
-    number: int,
-    batch: Mapping[str, Sequence[FileEntry]],
+    batch: tuple[int, Mapping[str, Sequence[FileEntry]]],
 ) -> Judged:
-    """Judge the proposals of some files, in a session of its own."""
+    """Judge the proposals of a batch, which has a number and files, in a session of its own."""
+    number, files = batch
     schema = f"batch_{number}"
     with connection.cursor() as session:
-        create_views(session, opened, batch, {}, schema)
+        create_views(session, opened, files, {}, schema)
         relations = {t: of_round(f"{schema}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
-        rows = sum(entry.rows for entry in batch["proposals"])
+        rows = sum(entry.rows for entry in files["proposals"])
         judged = judge(session, run.preset, relations, rows)
         session.execute(f"drop schema {schema} cascade")
     return judged
 
 
-def _in_turn(work: Callable[[_Item], _Result], items: Iterable[_Item]) -> Iterator[_Result]:
-    """Results in order; AT_ONCE items are at work, and no more are ahead of who takes them."""
-    with ThreadPoolExecutor(AT_ONCE) as pool:
+def _in_turn(
+    work: Callable[[_Item], _Result], items: Iterable[_Item], at_once: int
+) -> Iterator[_Result]:
+    """Results in order; so many items are at work at once, and no more ahead of their taker."""
+    with ThreadPoolExecutor(at_once) as pool:
         ahead: deque[Future[_Result]] = deque()
         for item in items:
-            if len(ahead) == AT_ONCE:
+            if len(ahead) == at_once:
                 yield ahead.popleft().result()
             ahead.append(pool.submit(work, item))
         while ahead:
