@@ -29,7 +29,7 @@ AT_ONCE = 2
 """Batches judged side by side: planning and putting in order keep one processor busy."""
 
 BUNDLED_ROWS = 2_250_000
-"""The same where files are bundled, one batch at a time: a bundle is read where all its files are."""
+"""The same where files are bundled, one batch at a time: a bundle is read where all of it is."""
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
