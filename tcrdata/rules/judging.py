@@ -12,7 +12,15 @@ from tcrdata.errors import RuleError
 from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, count, handing_on, quoted, run_sql, scoped
+from tcrdata.rules.scopes import (
+    Relations,
+    count,
+    handing_on,
+    judged_frames,
+    quoted,
+    run_sql,
+    scoped,
+)
 from tcrdata.store import schemas
 
 _BITS = 62  # verdicts that fit into a bigint
@@ -211,6 +219,11 @@ def _joined(seat: Seat, before: str, relations: Relations) -> str:
     A number that is lost or doubled shows in the count of rows, as whole rows would.
     """
     rule = seat.rule
+    of_frames = judged_frames(rule.select, rule.reads, {**relations, "proposals": before})
+    if of_frames:
+        verdicts, keys = of_frames
+        joined = f"(select s.*, v.passed from {before} s join ({verdicts}\n) v using ({keys}))"
+        return _after(seat, joined, "passed")
     numbered = before == ALIVE and rule.reads.passes_id
     rows = before
     if numbered:  # a row's number travels through the rule, not the row
