@@ -14,6 +14,10 @@ class DatasetError(TcrdataError):
     """A dataset cannot be read: the root is not one, or calibration or timestamps are wrong."""
 
 
+class RendererError(DatasetError):
+    """A renderer that is a program of its own is missing, crashed or draws something else."""
+
+
 class FrameError(DatasetError):
     """One frame cannot be read; the rest of the sequence can."""
 

@@ -190,3 +190,14 @@ def test_only_the_store_opens_store_paths(repository: Path) -> None:
         if any(name.split(".")[0] == "fsspec" for name in imports_of(path))
     }
     assert users == {"store/filesystem.py"}
+
+
+def test_bpy_stays_in_the_process_of_the_renderer(repository: Path) -> None:
+    """Its licence and its crashes are not this process's: the program is run, never imported."""
+    package = repository / "tcrdata"
+    program = package / "datasets" / "blender_scene.py"
+    imported = {path: imports_of(path) for path in modules(repository)}
+    roots = {path: {name.split(".")[0] for name in names} for path, names in imported.items()}
+    assert [path for path, names in roots.items() if "bpy" in names] == [program]
+    assert roots[program] - sys.stdlib_module_names == {"bpy", "mathutils", "numpy"}
+    assert not any("blender_scene" in name for names in imported.values() for name in names)

@@ -1,5 +1,6 @@
 -- Which flow network is in use: a finetuned one replaces its teacher only when, on pairs that it did
--- not learn from, more of its flow is cycle-consistent and the images agree at least as well.
+-- not learn from, more of its flow is cycle-consistent and the images agree at least as well. One
+-- that went on learning from generated pairs stands in for the one that it began with.
 set variable min_consistent_gain = 0.0;    -- share: by which the student's consistent share must exceed the teacher's
 set variable max_photometric_ratio = 1.0;  -- ratio: of the student's photometric error to the teacher's, at most
 set variable min_held_out_pairs = 1;       -- pairs: that both were measured on, at least
@@ -40,6 +41,8 @@ stated as (
 )
 select * exclude (promoted),
        finished and state in ('origin', 'promoted')
-       and model_id not in (select teacher_id from stated where state = 'promoted') as in_use
+       and model_id not in (select teacher_id from stated where state = 'promoted')
+       and model_id not in (select settings ->> '$.start' from models
+                            where finished and settings ->> '$.start' is not null) as in_use
 from stated
 order by model_id

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from tcrdata import console
 from tcrdata.cli import printing
@@ -26,6 +26,7 @@ def build(
     store: StoreUrl,
     root: str = "",
     generate: str = "",
+    renderer: str | None = None,
     sequences: str | None = None,
     frames: str | None = None,
     rounds: int = 1,
@@ -50,6 +51,8 @@ def build(
         root: where the dataset lies; generated datasets take a spec such as `seed=1,frames=50`.
         generate: so many clips of a dataset that can generate them, or a spec such as
             `clips=10,seed=3,hard=true`; with --root they are written there.
+        renderer: what draws their images: raycast (the default), or blender, which writes them to
+            --root, or else beside the store; it needs bpy, and takes `--set blender.samples=4`.
         sequences: only these, with commas between.
         frames: only these of each sequence: `0-49`, `0-9,20,30-`.
         rounds: rounds of the EM loop; those after the first train on the labels of the one before.
@@ -60,7 +63,7 @@ def build(
         workers: worker processes; the machine's cores when left out.
         config: a TOML file of settings.
         assignments: `cue.field=value` for a cue, `parameter=value` for a rule, `train.name=value`
-            for the trainings between rounds.
+            for the trainings between rounds, `blender.name=value` for that renderer.
         snapshot: select labels from the evidence of this snapshot, not from what is made now.
         dry_run: say what would be made and stop.
         json: print the report as JSON.
@@ -82,9 +85,12 @@ def build(
         raise SettingsError(f"--rounds {rounds}: at least one is needed")
     if rounds > 1 and snapshot is not None:
         raise SettingsError("--snapshot fixes the evidence: later rounds would measure anew")
-    if generate:
-        root = _generated(dataset, generate, root, work=not dry_run)
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
+    if generate:
+        root = root or _beside(store, renderer)
+        root = _generated(dataset, generate, root, renderer, values, work=not dry_run)
+    elif renderer:
+        raise SettingsError("--renderer draws clips that are generated: add --generate N")
     check_presets_read_flow(flow, listed(preset) or ())
     values |= flow_assignments(store, flow, weights, model, dry_run=dry_run)
     loop = plan_rounds(
@@ -120,20 +126,40 @@ def build(
     return 1 if report.count("failed") else 0
 
 
-def _generated(dataset: str, text: str, root: str, *, work: bool) -> str:
+def _beside(store: str, renderer: str | None) -> str:
+    """Return a folder beside a local store for clips whose images are rendered; else none."""
+    if renderer in (None, "raycast") or "://" in store:
+        return ""
+    return f"{store.rstrip('/')}-clips"
+
+
+def _generated(
+    dataset: str, text: str, root: str, renderer: str | None, values: dict[str, str], *, work: bool
+) -> str:
     """Return the root of generated clips, which are written first where a folder is named.
 
-    Without work, clips that no folder holds yet are looked at as they would be generated.
+    Without work, clips that no folder holds yet are looked at as they would be generated. What
+    `values` has for the renderer is taken out of them.
     """
     from tcrdata import registry
 
     module = registry.find("datasets", dataset)
     if not hasattr(module, "generate"):
         raise SettingsError(f"--generate: the dataset {dataset} generates no clips; leave it out")
-    folder = root if work or (root and Path(root).is_dir()) else ""
-    generation: Generation = module.generate(text, folder)
+    given: dict[str, Any] = {}
+    if renderer is not None:
+        if renderer not in getattr(module, "RENDERERS", ()):
+            known = ", ".join(getattr(module, "RENDERERS", ())) or "none to choose"
+            raise SettingsError(f"--renderer {renderer}: the dataset {dataset} has {known}")
+        prefix = f"{renderer}."
+        names = [name for name in values if name.startswith(prefix)]
+        given["renderer"] = renderer
+        given["options"] = {name.removeprefix(prefix): values.pop(name) for name in names}
+    generation: Generation = module.generate(text, root, **given)
     if work:
         console.follow("generate", generation.steps, generation.work)
+    elif not Path(root).is_dir():
+        generation = module.generate(text, "")
     return generation.root
 
 

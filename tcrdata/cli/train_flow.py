@@ -24,6 +24,7 @@ def train_flow(
     model: str | None = None,
     model_store: str | None = None,
     from_scratch: Flag = False,
+    generated: Flag = False,
     size: Literal["small", "full"] | None = None,
     losses: str | None = None,
     config: str | None = None,
@@ -42,9 +43,10 @@ def train_flow(
     Args:
         store: folder or URL of the store; created when a network is trained from scratch.
         weights: file with the weights of RAFT, under the published names.
-        model: id of the flow model to finetune.
+        model: id of the flow model to go on with.
         model_store: store that holds it, when it is another one.
         from_scratch: train a network on generated pairs, whatever the store holds.
+        generated: go on with the network on generated pairs, whose flow is known.
         size: of RAFT: small or full; a file's own when left out.
         losses: of photometric, teacher and occlusion, with commas between; all when left out.
         config: TOML file of settings.
@@ -60,19 +62,20 @@ def train_flow(
 
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
     named = weights or model or model_store
-    if from_scratch and (named or losses):
+    if from_scratch and (named or losses or generated):
         raise SettingsError("--from-scratch learns from generated pairs alone: leave --weights, "
-                            "--model and --losses out")  # fmt: skip
+                            "--model, --generated and --losses out")  # fmt: skip
     opened = open_store(store, create=not named)
-    teacher = None if from_scratch else _teacher(opened, weights, model, model_store, size)
-    recipe = _recipe(teacher, size, losses, values)
+    start = None if from_scratch else _start(opened, weights, model, model_store, size)
+    recipe = _recipe(start, size, losses, values, generated=generated)
     started = time.perf_counter()
     with training_progress(recipe.loop.steps, logs) as report:
         made, progress = run(opened, recipe, resume=resume, device=device, report=report)
     if progress is None:
         console.say(f"nothing to do: model {made.model_id} is finished")
     else:
-        taught = f"finetuned from {recipe.teacher}" if teacher else "taught by generated pairs"
+        taught = "taught by generated pairs" if recipe.planes else "finetuned"
+        taught += f" from {start['model_id']}" if start else ""
         console.say(
             f"model {made.model_id}: RAFT {recipe.network.size}, {taught}, {progress.step:,} steps,"
             f" last loss {progress.losses[-1]:.3f}, in {time.perf_counter() - started:.1f} s"
@@ -82,24 +85,31 @@ def train_flow(
 
 
 def _recipe(
-    teacher: dict[str, Any] | None, size: str | None, losses: str | None, values: dict[str, str]
+    start: dict[str, Any] | None,
+    size: str | None,
+    losses: str | None,
+    values: dict[str, str],
+    *,
+    generated: bool,
 ) -> FlowRecipe:
-    from tcrdata.learning.flow_runs import plan_finetuning, plan_from_scratch
+    from tcrdata.learning.flow_runs import plan_finetuning, plan_on_generated
 
-    if teacher is not None:
-        return plan_finetuning(teacher, listed(losses), values)
+    if start is not None and not generated:
+        return plan_finetuning(start, listed(losses), values)
+    if losses and generated:
+        raise SettingsError("--generated learns from known flow: leave --losses out")
     if losses:
         raise SettingsError(
             "--losses finetunes, but the store has no flow network yet: give --weights FILE, or "
             "train one from scratch first"
         )
-    return plan_from_scratch(size, values)
+    return plan_on_generated(size, values, start)
 
 
-def _teacher(
+def _start(
     store: Store, weights: str | None, model: str | None, model_store: str | None, size: str | None
 ) -> dict[str, Any] | None:
-    """Return the model to finetune; None when the store has none and none is named."""
+    """Return the model to go on with; None when the store has none and none is named."""
     from tcrdata.flow_models import copy_model, flow_model, import_weights
     from tcrdata.store import open_store
 

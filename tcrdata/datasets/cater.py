@@ -8,23 +8,29 @@ own, `clip_0000_camera_0`, in its own level frame.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 import numpy as np
 
+from tcrdata.datasets.blender import Blender, BlenderSettings
 from tcrdata.datasets.cater_clips import RecordedClips
 from tcrdata.datasets.cater_generator import LIMITS, CaterSpec, GeneratedClips
-from tcrdata.datasets.cater_writer import write_clips
+from tcrdata.datasets.cater_writer import Pictures, RayCaster, write_clips
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.specs import format_spec, parse_spec
 from tcrdata.datasets.truth import truth_rows
-from tcrdata.errors import DatasetError
+from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.geometry.transforms import as_tuples, inverse, transform_points
+from tcrdata.settings import overridden, unknown
 from tcrdata.types import FloatArray, Frame, Generation, ImageArray, PointCloud, SequenceInfo
 
 METRIC_SCALE = 0.35
+RENDERERS = ("raycast", "blender")
+NO_OPTIONS: Mapping[str, str] = MappingProxyType({})
 _CAMERA = "_camera_"
 
 
@@ -102,23 +108,43 @@ def open_dataset(root: str | None = None) -> Cater:
     return Cater("cater", format_spec(spec), GeneratedClips(spec))
 
 
-def generate(text: str, root: str) -> Generation:
+def generate(
+    text: str, root: str, renderer: str = "raycast", options: Mapping[str, str] = NO_OPTIONS
+) -> Generation:
     """Return the root of generated clips, and the work of writing them where they want a folder.
 
     Args:
         text: how many clips, or a spec such as `clips=10,seed=3,hard=true`.
         root: a folder that the clips are written to, unless they are there; empty for none: then
-            they are generated whenever they are read.
+            they are generated whenever they are read, by the ray caster.
+        renderer: what draws the images: `raycast` or `blender`.
+        options: name and value of `BlenderSettings`, for `blender`.
 
     Raises:
-        DatasetError: the spec is malformed; while working, the folder holds other clips.
+        DatasetError: the spec is malformed; while working, the folder holds other clips, or they
+            cannot be drawn.
+        SettingsError: no such renderer, an option that it does not have, or no folder for it.
     """
     text = f"clips={text}" if text.strip().isdigit() else text
     spec = parse_spec("cater", text, CaterSpec(), LIMITS)
+    pictures = _pictures(renderer, options)
     if not root:
+        if renderer != "raycast":
+            raise SettingsError(f"--renderer {renderer} draws into files: add --root FOLDER")
         return Generation(format_spec(spec), 0, iter(()))
     steps = spec.clips * spec.cameras * spec.frames
-    return Generation(root, steps, write_clips(GeneratedClips(spec), root))
+    return Generation(root, steps, write_clips(GeneratedClips(spec), root, pictures))
+
+
+def _pictures(renderer: str, options: Mapping[str, str]) -> Pictures:
+    """Return what draws; raises SettingsError."""
+    if renderer == "blender":
+        return Blender(overridden(BlenderSettings(), options, "blender"))
+    if renderer != "raycast":
+        raise SettingsError(unknown(f"renderer '{renderer}'", renderer, RENDERERS))
+    if options:
+        raise SettingsError(f"blender.{next(iter(options))}: only --renderer blender reads it")
+    return RayCaster()
 
 
 @dataclass(frozen=True)

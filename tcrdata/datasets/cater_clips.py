@@ -32,6 +32,7 @@ from tcrdata.datasets.kitti_layout import DataFile, numbered_files
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.views import level_view
 from tcrdata.errors import DatasetError, FrameError
+from tcrdata.geometry.transforms import inverse
 from tcrdata.types import Camera, FloatArray, ImageArray
 
 CALIBRATION = "calibration.json"
@@ -186,6 +187,17 @@ class RecordedClips:
         except OSError as error:
             raise DatasetError(f"{path}: cannot be read: {error.strerror}") from error
         return _read_calibration(path, changed_ns)
+
+
+def camera_json(view: View) -> dict[str, Any]:
+    """Return a camera as calibration.json has it."""
+    matrix = view.camera.matrix
+    return {
+        "width_px": view.camera.width_px,
+        "height_px": view.camera.height_px,
+        "intrinsics_px": [matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]],
+        "world_T_camera": inverse(view.world_to_camera).tolist(),
+    }
 
 
 def image_file(clip: Path, camera: int, kind: str, frame: int) -> Path:

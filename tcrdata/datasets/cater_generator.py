@@ -16,7 +16,7 @@ from tcrdata.datasets.specs import Limits, format_spec
 from tcrdata.datasets.tabletop import CAMERA, CAMERA_POSITION, LAMP, MAX_DEPTH_M
 from tcrdata.datasets.views import level_view, looking_at
 from tcrdata.geometry.raycasting import cast
-from tcrdata.types import BoolArray, FloatArray, ImageArray
+from tcrdata.types import BoolArray, FloatArray, ImageArray, IntArray
 
 VERSION = 1
 JITTER_M = 0.5
@@ -122,14 +122,19 @@ class GeneratedClips:
 
     def depth(self, clip: str, camera: int, frame: int) -> FloatArray:
         """Return the (H, W) depth in metres with its noise and gaps; 0 where there is none."""
-        view = self.view(clip, camera)
-        primitives = self.scene(clip).primitives(frame / FRAMES_PER_SECOND)
-        exact, _ = cast(primitives, view.origin, view.rays())
-        depth = exact.reshape(view.camera.height_px, view.camera.width_px)
+        depth, _ = self.geometry(clip, camera, frame)
         random = np.random.default_rng([self.spec.seed, self._number(clip), camera, frame])
         depth = depth + self.spec.noise_m * random.standard_normal(depth.shape)
         missing = _missing(random, depth.shape, self.spec.missing_share)
         return np.where((depth <= 0) | (depth > MAX_DEPTH_M) | missing, 0.0, depth)
+
+    def geometry(self, clip: str, camera: int, frame: int) -> tuple[FloatArray, IntArray]:
+        """Return (H, W) exact depth (m) and numbers of `scene.parts`; inf and -1 for nothing."""
+        view = self.view(clip, camera)
+        primitives = self.scene(clip).primitives(frame / FRAMES_PER_SECOND)
+        depth, parts = cast(primitives, view.origin, view.rays())
+        shape = (view.camera.height_px, view.camera.width_px)
+        return depth.reshape(shape), parts.reshape(shape)
 
     def image(self, clip: str, camera: int, frame: int) -> ImageArray:
         """Return the (H, W, 3) RGB image, four rays a pixel."""

@@ -163,19 +163,22 @@ class Scene:
         owned = [number for number, thing in enumerate(self.objects) for _ in thing.parts]
         return owned + [-1] * len(self.background)
 
-    def primitives(self, time_s: float) -> Primitives:
-        """Return every shape at a time."""
+    def poses(self, time_s: float) -> list[FloatArray]:
+        """Return `world_T_part` (4, 4) of every part at a time, in the order of `parts`."""
         poses = [
             thing.motion.pose(time_s) @ np.asarray(part.object_T_part)
             for thing in self.objects
             for part in thing.parts
         ]
-        poses += [np.asarray(part.object_T_part) for part in self.background]
+        return poses + [np.asarray(part.object_T_part) for part in self.background]
+
+    def primitives(self, time_s: float) -> Primitives:
+        """Return every shape at a time."""
         parts = self.parts()
         return place(
             [part.shape for part in parts],
             [part.half_size_m for part in parts],
-            np.array(poses),
+            np.array(self.poses(time_s)),
             self.owners(),
         )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tcrdata.geometry.transforms import level_transformed, yaw_rotation
 from tcrdata.learning.clouds import Cloud, points_of_labels, still_shown
 from tcrdata.networks.center_targets import LabelBoxes
 from tcrdata.types import BoolArray, Float32Array, FloatArray
@@ -72,13 +73,7 @@ class SweepChange:
 
     def points(self, xyz: NDArray[np.floating]) -> NDArray[np.floating]:
         """Return (N, 3) points at their new places."""
-        m = self.matrix.astype(xyz.dtype)
-        moved = np.empty_like(xyz)
-        # Written out: a product with so small a matrix takes ten times as long.
-        moved[:, 0] = m[0, 0] * xyz[:, 0] + m[0, 2] * xyz[:, 2]
-        moved[:, 1] = m[1, 1] * xyz[:, 1]
-        moved[:, 2] = m[2, 0] * xyz[:, 0] + m[2, 2] * xyz[:, 2]
-        return moved
+        return level_transformed(self.matrix, xyz)
 
     def labels(self, labels: LabelBoxes) -> LabelBoxes:
         """Return the labels at their new places."""
@@ -102,12 +97,6 @@ def drawn_change(settings: SweepAugmentation, rng: np.random.Generator) -> Sweep
         shift_m=float(rng.normal(0.0, settings.height_jitter_m)),
         dropped_share=float(rng.uniform(0.0, settings.dropped_share)),
     )
-
-
-def yaw_rotation(angle_rad: float) -> FloatArray:
-    """Return the (3, 3) rotation about y that adds an angle to every yaw."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    return np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
 
 
 def erased_points(

@@ -1,4 +1,4 @@
-"""One training of flow: from scratch on generated pairs, or finetuned on a store's frames."""
+"""One training of flow: on generated pairs, or finetuned on a store's frames."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ from tcrdata.learning.training_queries import TrainingQuery, load_training_query
 from tcrdata.networks.flow_losses import (
     SELF_SUPERVISED,
     FlowLossSettings,
+    KnownLossSettings,
     known_flow_losses,
     self_supervised_losses,
 )
@@ -46,7 +47,7 @@ from tcrdata.store import Store
 
 KIND, NETWORK = "flow", "raft"
 SCRATCH_LOOP = LoopSettings(
-    steps=3000, batch=2, learning_rate=6e-4, weight_decay=1e-4, clip=1.0, average=0.995
+    steps=1500, batch=1, learning_rate=4e-4, weight_decay=1e-4, clip=1.0, average=0.995
 )
 TAUGHT_LOOP = LoopSettings(
     steps=200, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
@@ -62,10 +63,12 @@ class FlowRecipe:
         loop: of the loop.
         planes: generated pairs; None when finetuned.
         pairs: what is cut of a store's pairs.
-        losses: what counts.
+        losses: what counts of a store's pairs.
+        known: what counts of generated ones.
         query: what a pair is.
         parameters: of the query, name to text.
-        teacher: id of the model that is finetuned; empty from scratch.
+        teacher: id of the model that is finetuned; empty on generated pairs.
+        start: id of the model that goes on learning from generated pairs; empty from scratch.
     """
 
     network: RaftSettings
@@ -73,9 +76,11 @@ class FlowRecipe:
     planes: PlaneSettings | None
     pairs: PairSettings = field(default_factory=PairSettings)
     losses: FlowLossSettings = field(default_factory=FlowLossSettings)
+    known: KnownLossSettings = field(default_factory=KnownLossSettings)
     query: TrainingQuery = field(default_factory=lambda: load_training_query("flow"))
     parameters: Mapping[str, str] = field(default_factory=dict)
     teacher: str = ""
+    start: str = ""
 
     def identity(self, snapshot: str, processes: int = 1) -> ModelIdentity:
         """Return what the model follows from.
@@ -94,7 +99,9 @@ class FlowRecipe:
         if processes > 1:
             plain["loop"]["processes"] = processes
         if self.planes is not None:
-            plain |= {"planes": settings.as_plain(self.planes), "decay": self.losses.decay}
+            plain |= {"planes": settings.as_plain(self.planes)}
+            plain |= {"known": settings.as_plain(self.known)}
+            plain |= {"start": self.start} if self.start else {}
         else:
             plain |= {
                 "pairs": settings.as_plain(self.pairs),
@@ -106,25 +113,29 @@ class FlowRecipe:
         return ModelIdentity(KIND, NETWORK, ROUND, "", snapshot, text, plain, self.loop.seed)
 
 
-def plan_from_scratch(size: str | None, assignments: Mapping[str, str]) -> FlowRecipe:
+def plan_on_generated(
+    size: str | None, assignments: Mapping[str, str], start: Mapping[str, Any] | None = None
+) -> FlowRecipe:
     """Return the recipe of a network that learns from generated pairs.
 
     Args:
-        size: small or full.
-        assignments: of the loop (`steps`), `network.iterations` or `planes.shift_px`.
+        size: small or full; of a network from scratch.
+        assignments: of the loop (`steps`), `network.iterations`, `planes.shift_px` or
+            `known.matching`.
+        start: the row of `models` of the network that goes on learning; None from scratch.
 
     Raises:
         SettingsError: an unknown name or value.
     """
-    grouped = _grouped(assignments, ("network", "planes"))
-    network = settings.overridden(
-        RaftSettings(size or "small", iterations=4), grouped["network"], "network"
-    )
-    small = PlaneSettings(height_px=96, width_px=144, shift_px=4.0)
+    grouped = _grouped(assignments, ("network", "planes", "known"))
+    size = start["settings"]["network"]["size"] if start else size or "small"
+    network = settings.overridden(RaftSettings(size, iterations=4), grouped["network"], "network")
     return FlowRecipe(
         network,
         settings.overridden(SCRATCH_LOOP, grouped[""], "train"),
-        settings.overridden(small, grouped["planes"], "planes"),
+        settings.overridden(PlaneSettings(), grouped["planes"], "planes"),
+        known=settings.overridden(KnownLossSettings(), grouped["known"], "known"),
+        start=str(start["model_id"]) if start else "",
     )
 
 
@@ -189,7 +200,8 @@ def train_flow(
         if done.get(model.model_id):
             return model, None
         pairs, transform, objective = _lessons(store, recipe, snapshot)
-        start = read_weights(store, recipe.teacher, AVERAGE) if recipe.teacher else None
+        begun = recipe.teacher or recipe.start
+        start = read_weights(store, begun, AVERAGE) if begun else None
         progress = train(
             store, model, pairs, transform, recipe.network, recipe.loop, place,
             resume=resume and model.model_id in done, report=report, objective=objective,
@@ -210,7 +222,7 @@ def _lessons(
         return (
             GeneratedPairs(),
             GeneratedSamples(recipe.planes),
-            partial(known_flow_losses, decay=recipe.losses.decay),
+            partial(known_flow_losses, own=recipe.known),
         )
     pairs = StoredPairs(flow_frames(store, recipe, snapshot), LEARNT)
     if not len(pairs):

@@ -40,16 +40,25 @@ class GeneratedPairs:
 
 @dataclass(frozen=True)
 class GeneratedSamples:
-    """Draws a pair: `input` (6, H, W) in [0, 1], `flow` (2, H, W) px, `known` (1, H, W)."""
+    """Draws a pair and its mirror images: left to right, upside down and both.
+
+    Their flows are opposite: a step that sees all four cannot learn which way things happened to
+    move in it, which is most of what the few motions of a small batch would say.
+    """
 
     planes: PlaneSettings
 
     def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-        """Return a pair drawn with these random numbers."""
+        """Return `input` (4, 6, H, W) in [0, 1], `flow` (4, 2, H, W) px, `known` (4, 1, H, W)."""
         pair = textured_planes(self.planes, rng)
         images = np.concatenate([pair.first, pair.second], axis=2)
-        known = pair.known[None].astype(np.float32)
-        return {**sample, "input": _upright(images), "flow": _upright(pair.flow), "known": known}
+        known = pair.known[..., None].astype(np.float32)
+        drawn: dict[str, list[Float32Array]] = {"input": [], "flow": [], "known": []}
+        for across, down in ((1, 1), (-1, 1), (1, -1), (-1, -1)):
+            flow = pair.flow * np.array([across, down], np.float32)
+            for name, values in (("input", images), ("flow", flow), ("known", known)):
+                drawn[name].append(_upright(values[::down, ::across]))
+        return {**sample, **{name: np.stack(views) for name, views in drawn.items()}}
 
 
 class StoredPairs:

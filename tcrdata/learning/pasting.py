@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import points_in_box
-from tcrdata.learning.augmentation import SweepAugmentation, yaw_rotation
+from tcrdata.geometry.transforms import yaw_rotation
+from tcrdata.learning.augmentation import SweepAugmentation
 from tcrdata.learning.clouds import Cloud, points_of_labels, still_shown
 from tcrdata.networks.center_targets import LabelBoxes
 from tcrdata.networks.grids import Region

@@ -21,7 +21,7 @@ class PlaneSettings:
     Attributes:
         height_px: of the images.
         width_px: of the images.
-        planes: at most so many before the background.
+        planes: at most so many before the background: many small motions teach more than one large.
         still: share of the pairs whose background does not move, as before a camera that stands.
         shift_px: scale of a plane's shift; half of all shifts are smaller.
         turn_rad: largest turn in the image.
@@ -33,7 +33,7 @@ class PlaneSettings:
 
     height_px: int = 128
     width_px: int = 192
-    planes: int = 5
+    planes: int = 12
     still: float = 0.2
     shift_px: float = 8.0
     turn_rad: float = 0.1

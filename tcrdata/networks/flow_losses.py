@@ -55,6 +55,21 @@ class FlowLossSettings:
             raise SettingsError(f"no loss is left: give one of {', '.join(SELF_SUPERVISED)}")
 
 
+@dataclass(frozen=True)
+class KnownLossSettings:
+    """What counts how much where flow is known.
+
+    Attributes:
+        decay: of an iteration's weight to that of the next one.
+        matching: weight of the features' own loss; 0 leaves it out.
+        sharpness: of it: how much a correlation has to stand out.
+    """
+
+    decay: float = 0.8
+    matching: float = 5.0
+    sharpness: float = 5.0
+
+
 def charbonnier(value: torch.Tensor, own: FlowLossSettings) -> torch.Tensor:
     """Return the generalised Charbonnier penalty `(x^2 + epsilon^2)^alpha`."""
     return (value * value + own.epsilon**2) ** own.exponent
@@ -129,19 +144,60 @@ def imitation_loss(
     return _mean(charbonnier(flow - taught, own).sum(dim=1, keepdim=True), mask)
 
 
-def known_flow_losses(
-    outputs: Mapping[str, torch.Tensor], batch: Mapping[str, torch.Tensor], decay: float
-) -> dict[str, torch.Tensor]:
-    """Return the mean absolute error against flow that is known.
+def matching_loss(
+    features: torch.Tensor, flow: torch.Tensor, known: torch.Tensor, sharpness: float
+) -> torch.Tensor:
+    """Return the mean of `-log p(p + w(p) | p)`, p the softmax of a cell's correlations with all.
+
+    It teaches features to find their own kind before anything can read flow from correlations.
+    Ends between cells count their four neighbours by bilinear shares; ends outside are left out.
 
     Args:
-        outputs: `flow`, (B, K, 2, H, W).
-        batch: `flow` (B, 2, H, W) and `known` (B, 1, H, W).
-        decay: of the iterations' weights.
+        features: (B, 2, C, h, w) of both images, a cell each 8 px.
+        flow: (B, 2, 8 h, 8 w) px, from the first to the second.
+        known: (B, 1, 8 h, 8 w): 1 where flow is known.
+        sharpness: factor of `<f1, f2> / sqrt(C)` before the softmax.
     """
-    error = (outputs["flow"] - batch["flow"].unsqueeze(1)).abs().sum(dim=2)
-    by_iteration = (error * batch["known"]).sum(dim=(0, 2, 3)) / batch["known"].sum().clamp(min=1)
-    return {"known": (by_iteration * _shares(len(by_iteration), decay, error)).sum()}
+    height, width = features.shape[-2:]
+    first, second = (features[:, number].flatten(2) for number in (0, 1))
+    scale = sharpness / features.shape[2] ** 0.5
+    log_shares = torch.log_softmax(scale * first.transpose(1, 2) @ second, dim=2)
+    stride = flow.shape[-1] // width
+    moved = functional.avg_pool2d(flow, stride) / stride
+    seen = (functional.avg_pool2d(known, stride) == 1).flatten(1)
+    rows, columns = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
+    x = (columns.to(flow) + moved[:, 0]).flatten(1)
+    y = (rows.to(flow) + moved[:, 1]).flatten(1)
+    seen = seen & (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+    left, above = x.floor().clamp(0, width - 2), y.floor().clamp(0, height - 2)
+    total = torch.zeros_like(x)
+    for right, below in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        share = (1 - (x - left - right).abs()) * (1 - (y - above - below).abs())
+        cell = ((above + below) * width + left + right).long()
+        total = total - share * log_shares.gather(2, cell.unsqueeze(2)).squeeze(2)
+    return _mean(total, seen.to(flow.dtype))
+
+
+def known_flow_losses(
+    outputs: Mapping[str, torch.Tensor],
+    batch: Mapping[str, torch.Tensor],
+    own: KnownLossSettings,
+) -> dict[str, torch.Tensor]:
+    """Return the mean absolute error against flow that is known, and the loss of the features.
+
+    Args:
+        outputs: `flow`, (B V, K, 2, H, W), and `features` (B V, 2, C, h, w).
+        batch: `flow` (B, V, 2, H, W) and `known` (B, V, 1, H, W), V views of each pair.
+        own: weights.
+    """
+    truth, known = batch["flow"].flatten(0, 1), batch["known"].flatten(0, 1)
+    error = (outputs["flow"] - truth.unsqueeze(1)).abs().sum(dim=2)
+    by_iteration = (error * known).sum(dim=(0, 2, 3)) / known.sum().clamp(min=1)
+    losses = {"known": (by_iteration * _shares(len(by_iteration), own.decay, error)).sum()}
+    if own.matching > 0:
+        matched = matching_loss(outputs["features"], truth, known, own.sharpness)
+        losses["matching"] = own.matching * matched
+    return losses
 
 
 def self_supervised_losses(

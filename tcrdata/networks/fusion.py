@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import bev_iou, half_turn
+from tcrdata.geometry.transforms import level_transformed, yaw_rotation
 from tcrdata.networks.decoding import Detections
 from tcrdata.networks.grids import Region
 from tcrdata.types import FloatArray, IntArray
@@ -15,11 +16,7 @@ from tcrdata.types import FloatArray, IntArray
 
 def turned_points(xyz: NDArray[np.floating], turn_rad: float) -> NDArray[np.floating]:
     """Return (N, 3) level points turned about the sensor so that yaws grow by an angle."""
-    made = xyz.copy()
-    cos, sin = xyz.dtype.type(np.cos(turn_rad)), xyz.dtype.type(np.sin(turn_rad))
-    made[:, 0] = xyz[:, 0] * cos + xyz[:, 2] * sin
-    made[:, 2] = xyz[:, 2] * cos - xyz[:, 0] * sin
-    return made
+    return level_transformed(yaw_rotation(turn_rad), xyz)
 
 
 def turned_boxes(boxes: FloatArray, turn_rad: float) -> FloatArray:

@@ -22,6 +22,10 @@ STRIDE = 8
 LEAST_CELLS = 8
 """The coarsest of four levels needs a cell."""
 
+_FIRST_FEATURES = 0.3
+"""Scale of features that have learnt nothing: with larger ones the first steps drive all units of
+the flow head to where they never fire again."""
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -72,6 +76,8 @@ class Raft(nn.Module):
         norm: Literal["batch", "none"] = "batch" if settings.size == "full" else "none"
         both, bottleneck = size.hidden + size.context, size.bottleneck
         self.fnet = Encoder(size.widths, size.features, "instance", bottleneck=bottleneck)
+        with torch.no_grad():
+            self.fnet.conv2.weight.mul_(_FIRST_FEATURES)
         self.cnet = Encoder(size.widths, both, norm, bottleneck=bottleneck)
         correlations = LEVELS * (2 * size.radius + 1) ** 2
         update = FullUpdate if settings.size == "full" else SmallUpdate
@@ -92,21 +98,25 @@ class Raft(nn.Module):
         """Return `flow` in pixels (column, row): of every iteration in training, else of the last.
 
         Args:
-            pair: (B, 6, H, W), both images in [0, 1], RGB; any size.
+            pair: (B, 6, H, W), both images in [0, 1], RGB; any size. Or (B, V, 6, H, W): several
+                views of each pair.
 
         Returns:
-            `flow`: (B, K, 2, H, W), or (2 B, K, 2, H, W) both ways: forward and backward, pair by
-            pair.
+            `flow`: (B V, K, 2, H, W), or (2 B V, K, 2, H, W) both ways: forward and backward, pair
+            by pair. In training `features`, too: (B V, 2, C, h, w) of both images, at an eighth of
+            the size that is padded to whole cells.
         """
         height, width = pair.shape[-2:]
+        pair = pair.reshape(-1, 6, height, width)
         left, right, top, bottom = _margins(height, width)
         padded = functional.pad(2 * pair - 1, (left, right, top, bottom), mode="replicate")
-        flows = self._flows(padded)
+        flows, features = self._flows(padded)
         kept = torch.stack(flows if self.training else flows[-1:], dim=1)
-        return {"flow": kept[..., top : top + height, left : left + width]}
+        found = {"flow": kept[..., top : top + height, left : left + width]}
+        return {**found, "features": features} if self.training else found
 
-    def _flows(self, pair: torch.Tensor) -> list[torch.Tensor]:
-        """Flow after each iteration, at full size."""
+    def _flows(self, pair: torch.Tensor) -> tuple[list[torch.Tensor], torch.Tensor]:
+        """Flow after each iteration, at full size, and the features."""
         images = pair.view(-1, 2, 3, *pair.shape[-2:])
         features = self.fnet(images.flatten(0, 1)).float()
         own = features.view(len(pair), 2, *features.shape[1:])
@@ -129,7 +139,7 @@ class Raft(nn.Module):
             ends = ends + self.update_block.flow_head(state)
             if self.training or number == self.settings.iterations - 1:
                 flows.append(_upsampled(ends - start, self.update_block.upsampling(state)))
-        return flows
+        return flows, own
 
 
 def make_network(settings: Settings) -> Raft:

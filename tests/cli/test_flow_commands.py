@@ -9,6 +9,7 @@ import pytest
 import torch
 from cli_runs import done, refused, run
 
+from tcrdata.flow_models import flow_model
 from tcrdata.learning.checkpoints import AVERAGE, read_weights
 from tcrdata.store import Store, open_store
 
@@ -57,6 +58,24 @@ def test_a_network_from_scratch_is_in_use(built: Path) -> None:
     assert (row["finished"], row["step"], row["parameters"]) == (True, 2, 990162)
     again = done("train", "flow", "--from-scratch", "--store", built, *SCRATCH)
     assert "nothing to do" in again.err
+
+
+def test_a_network_that_goes_on_with_generated_pairs_stands_in_for_its_start(
+    built: Path, tmp_path: Path
+) -> None:
+    url = tmp_path / "store"
+    shutil.copytree(built, url)
+    (first,) = flow_rows(open_store(str(built)))
+    done("train", "flow", "--generated", "--store", url, *SCRATCH, "--set", "learning_rate=0")
+    second = next(
+        row for row in flow_rows(open_store(str(url))) if row["model_id"] != first["model_id"]
+    )
+    assert flow_model(open_store(str(url)))["model_id"] == second["model_id"]
+    # Nothing was learnt at that rate: the weights are those it began with, decayed by nothing.
+    one, other = (
+        read_weights(open_store(str(url)), row["model_id"], AVERAGE) for row in (first, second)
+    )
+    assert all(torch.equal(value, other[name]) for name, value in one.items())
 
 
 def test_a_finetuned_network_is_checked_and_its_teacher_stays(taught: Path) -> None:

@@ -10,7 +10,13 @@ import numpy as np
 import pytest
 
 from tcrdata.errors import FrameError, SettingsError
-from tcrdata.learning.flow_samples import PairSettings, StoredPairs, TaughtSamples
+from tcrdata.learning.flow_samples import (
+    GeneratedSamples,
+    PairSettings,
+    StoredPairs,
+    TaughtSamples,
+)
+from tcrdata.learning.textured_planes import PlaneSettings
 from tcrdata.networks.flow_losses import FlowLossSettings
 from tcrdata.resources import resource_folder
 
@@ -185,3 +191,16 @@ def test_a_pair_of_two_sizes_is_refused_by_name() -> None:
     assert len(pairs) == 1
     with pytest.raises(FrameError, match="kitti/a frames 0, 1: images of two sizes"):
         pairs[0]
+
+
+def test_a_generated_pair_comes_with_its_mirror_images() -> None:
+    draw = GeneratedSamples(PlaneSettings(height_px=64, width_px=80))
+    sample = draw({"key": "generated"}, np.random.default_rng(4))
+    images, flow = sample["input"], sample["flow"]
+    assert images.shape == (4, 6, 64, 80)
+    assert sample["known"].shape == (4, 1, 64, 80)
+    np.testing.assert_array_equal(images[1], images[0, :, :, ::-1])
+    np.testing.assert_array_equal(images[2], images[0, :, ::-1])
+    np.testing.assert_array_equal(flow[1, 0], -flow[0, 0, :, ::-1])
+    np.testing.assert_array_equal(flow[1, 1], flow[0, 1, :, ::-1])
+    np.testing.assert_array_equal(flow[3], -flow[0, :, ::-1, ::-1])

@@ -9,10 +9,12 @@ import torch
 from tcrdata.errors import SettingsError
 from tcrdata.networks.flow_losses import (
     FlowLossSettings,
+    KnownLossSettings,
     charbonnier,
     cycle_consistent,
     imitation_loss,
     known_flow_losses,
+    matching_loss,
     photometric_loss,
     self_supervised_losses,
     smoothness_loss,
@@ -140,6 +142,34 @@ def test_no_loss_at_all_is_refused() -> None:
 
 def test_known_flow_counts_later_iterations_more() -> None:
     flows = torch.stack([constant(2, 0), constant(1, 0)], dim=1)
-    batch = {"flow": constant(0, 0), "known": EVERY}
-    loss = known_flow_losses({"flow": flows}, batch, decay=0.5)
+    batch = {"flow": constant(0, 0).unsqueeze(1), "known": EVERY.unsqueeze(1)}
+    loss = known_flow_losses({"flow": flows}, batch, KnownLossSettings(decay=0.5, matching=0))
     assert loss["known"].item() == pytest.approx(0.5 * 2 + 1)
+    assert set(loss) == {"known"}
+
+
+def moved_features(across: int) -> torch.Tensor:
+    """(1, 2, 64, 8, 8): each cell its own kind, in the second image so many cells to the right."""
+    first = torch.eye(64).view(1, 64, 8, 8)
+    return torch.stack([first, first.roll(across, dims=3)], dim=1)
+
+
+def test_features_match_where_flow_leads_and_nowhere_else() -> None:
+    known = torch.ones(1, 1, 64, 64)
+    flow = torch.zeros(1, 2, 64, 64)
+    flow[:, 0] = 16.0
+    right, wrong = (matching_loss(moved_features(n), flow, known, 100.0) for n in (2, 3))
+    # A cell whose kind is found: log(1 + 63 exp(-s)), s the sharpness by sqrt(channels).
+    assert right.item() == pytest.approx(np.log(1 + 63 * np.exp(-100 / 8)), rel=1e-3)
+    assert wrong.item() == pytest.approx(100 / 8, rel=1e-3)
+
+
+def test_between_cells_the_four_around_count_and_what_leaves_the_image_does_not() -> None:
+    known = torch.ones(1, 1, 64, 64)
+    flow = torch.zeros(1, 2, 64, 64)
+    flow[:, 0] = 20.0
+    half = matching_loss(moved_features(2), flow, known, 100.0)
+    assert half.item() == pytest.approx(0.5 * 100 / 8, rel=1e-3)
+    outside = matching_loss(moved_features(0), flow + 64, known, 100.0)
+    unknown = matching_loss(moved_features(0), flow, 0 * known, 100.0)
+    assert outside.item() == unknown.item() == 0
