@@ -18,7 +18,9 @@ $(STAMP): pyproject.toml constraints.txt
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --no-deps trackeval tabulate
 	@touch $(STAMP)
 
+# Where Python may write no bytecode, every command would compile its modules anew.
 $(WARM): $(STAMP)
+	$(BIN)/python -m compileall -q tcrdata
 	$(BIN)/python -m tcrdata warm
 	@touch $(WARM)
 

@@ -8,18 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
+from tcrdata.evidence.frame_proposals import FrameProposals, frame_proposals
 from tcrdata.evidence.models import Model, ModelChoice, network_of, read_model
-from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
+from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows
 from tcrdata.evidence.proposal_columns import Columns
 from tcrdata.geometry.boxes import points_in_box
-from tcrdata.types import CueInput, Dataset, FloatArray, Frame, ImageArray, Rows
+from tcrdata.types import CueInput, Dataset, ImageArray, Rows
 
 NEEDS: tuple[str, ...] = ("ground", "detected_objects")
 GIVES: tuple[str, ...] = ("confidences",)
@@ -27,8 +27,6 @@ NEEDS_IMAGES: bool = True
 NEEDS_MODEL = "segmenter"
 
 MODULE = "objectness_2d"
-EVIDENCE_ROUND = 1
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
@@ -54,20 +52,11 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _Item:
-    frame: Frame
-    ground: EncodedPoints | None
-    ids: tuple[str, ...]
-    sources: tuple[str, ...]
-    boxes: FloatArray
-
-
-@dataclass(frozen=True)
 class _Chunk:
     dataset: Dataset
     settings: Settings
     model: Model
-    items: tuple[_Item, ...]
+    items: tuple[FrameProposals, ...]
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
@@ -79,30 +68,13 @@ def run(cue: CueInput) -> Iterator[Rows]:
     wanted = ModelChoice(NEEDS_MODEL, settings.model, settings.model_store, cue.round)
     model = read_model(cue.tables, wanted)
     chunks = (
-        _Chunk(cue.dataset, settings, model, tuple(_item(cue, frame) for frame in part))
+        _Chunk(cue.dataset, settings, model, tuple(frame_proposals(cue, frame) for frame in part))
         for part in chunked(frames, settings.chunk_frames)
     )
     for batches, errors in cue.parallel(_measure_chunk, chunks):
         for columns in batches:
             yield Rows("confidences", columns)
         yield from error_rows(errors)
-
-
-def _item(cue: CueInput, frame: Frame) -> _Item:
-    """Return a frame with the proposals of the first round and of this one."""
-    rows: dict[str, dict[str, Any]] = {}
-    for number in sorted({EVIDENCE_ROUND, cue.round}):
-        table = cue.tables.read(
-            "proposals",
-            columns=["proposal_id", "source", *BOX],
-            round=number,
-            frame=frame.frame,
-        )
-        rows |= {row["proposal_id"]: row for row in table.to_pylist()}
-    boxes = np.array([[row[name] for name in BOX] for row in rows.values()]).reshape(-1, 7)
-    sources = tuple(row["source"] for row in rows.values())
-    ground = read_encoded(cue.tables, frame.frame, "ground", round=EVIDENCE_ROUND)
-    return _Item(frame, ground, tuple(rows), sources, boxes)
 
 
 def _measure_chunk(chunk: _Chunk) -> tuple[list[Columns], list[tuple[int, str]]]:
@@ -118,7 +90,7 @@ def _measure_chunk(chunk: _Chunk) -> tuple[list[Columns], list[tuple[int, str]]]
     return batches, errors
 
 
-def _measure(chunk: _Chunk, item: _Item, ground: EncodedPoints) -> Columns:
+def _measure(chunk: _Chunk, item: FrameProposals, ground: EncodedPoints) -> Columns:
     from tcrdata.networks.grids import projected
 
     image = chunk.dataset.read_image(item.frame)
@@ -135,16 +107,7 @@ def _measure(chunk: _Chunk, item: _Item, ground: EncodedPoints) -> Columns:
         inside = points_in_box(xyz, box)
         enough = int(inside.sum()) >= chunk.settings.fewest_points
         means.append(float(values[inside].mean(dtype=np.float64)) if enough else None)
-    count = len(means)
-    return {
-        "proposal_id": list(item.ids),
-        "frame": [item.frame.frame] * count,
-        "source": list(item.sources),
-        "module": [MODULE] * count,
-        "confidence": means,
-        "raw_value": means,
-        "unit": ["probability of an object"] * count,
-    }
+    return item.confidences(MODULE, means, means, "probability of an object")
 
 
 def objectness(image: ImageArray, model: Model, settings: Settings) -> NDArray[np.float32]:

@@ -11,17 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from tcrdata.errors import FrameError
 from tcrdata.evidence.chunks import chunked
-from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
+from tcrdata.evidence.frame_proposals import EVIDENCE_ROUND, FrameProposals, frame_proposals
+from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows
 from tcrdata.evidence.proposal_columns import Columns
 from tcrdata.evidence.range_images import LidarCells, sensor_grid
 from tcrdata.evidence.ray_counts import ray_counts, rays_of
-from tcrdata.types import CueInput, Dataset, FloatArray, Frame, Rows, Sensor
+from tcrdata.types import CueInput, Dataset, FloatArray, Rows, Sensor
 
 NEEDS: tuple[str, ...] = ("ground", "free_space", "detected_objects")
 GIVES: tuple[str, ...] = ("confidences",)
@@ -31,8 +31,6 @@ MODULE, MOTION_MODULE = "visibility", "free_space"
 OF_MOTION = frozenset({"motion_3d", "motion_2d", "free_space", "track"})
 """Modules that say whether something moved."""
 
-EVIDENCE_ROUND = 1
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 VOTES = ("votes_free_mean", "votes_static_mean")
 
 
@@ -55,24 +53,12 @@ class Settings:
 
 
 @dataclass(frozen=True)
-class _Item:
-    """A frame and its proposals: ids, sources, (N, 7) boxes, (N, 2) mean free and static votes."""
-
-    frame: Frame
-    ground: EncodedPoints | None
-    ids: tuple[str, ...]
-    sources: tuple[str, ...]
-    boxes: FloatArray
-    votes: FloatArray
-
-
-@dataclass(frozen=True)
 class _Chunk:
     dataset: Dataset
     sensor: Sensor
     metric_scale: float
     settings: Settings
-    items: tuple[_Item, ...]
+    items: tuple[FrameProposals, ...]
 
 
 def run(cue: CueInput) -> Iterator[Rows]:
@@ -84,7 +70,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
             cue.info.sensor,
             cue.info.metric_scale,
             cue.settings,
-            tuple(_item(cue, frame) for frame in frames),
+            tuple(frame_proposals(cue, frame, VOTES) for frame in frames),
         )
         for frames in chunked(cue.frames, cue.settings.chunk_frames)
     )
@@ -106,28 +92,10 @@ def _sources_of_motion(cue: CueInput) -> frozenset[str]:
     return frozenset(found)
 
 
-def _item(cue: CueInput, frame: Frame) -> _Item:
-    """Return a frame with the proposals of the first round and of this one."""
-    rows: dict[str, dict[str, Any]] = {}
-    columns = ["proposal_id", "source", *BOX, *VOTES]
-    for number in sorted({EVIDENCE_ROUND, cue.round}):
-        table = cue.tables.read("proposals", columns=columns, round=number, frame=frame.frame)
-        rows |= {row["proposal_id"]: row for row in table.to_pylist()}
-    listed = rows.values()
-    return _Item(
-        frame,
-        read_encoded(cue.tables, frame.frame, "ground", round=EVIDENCE_ROUND),
-        tuple(rows),
-        tuple(row["source"] for row in listed),
-        np.array([[row[name] for name in BOX] for row in listed], np.float64).reshape(-1, 7),
-        np.array([[row[name] for name in VOTES] for row in listed], np.float64).reshape(-1, 2),
-    )
-
-
 def _measure_chunk(
     chunk: _Chunk,
-) -> tuple[list[tuple[_Item, Columns]], list[tuple[int, str]]]:
-    measured: list[tuple[_Item, Columns]] = []
+) -> tuple[list[tuple[FrameProposals, Columns]], list[tuple[int, str]]]:
+    measured: list[tuple[FrameProposals, Columns]] = []
     errors: list[tuple[int, str]] = []
     for item in chunk.items:
         if item.ground is None or not item.ids:
@@ -139,7 +107,7 @@ def _measure_chunk(
     return measured, errors
 
 
-def _visibility(chunk: _Chunk, item: _Item, ground: EncodedPoints) -> Columns:
+def _visibility(chunk: _Chunk, item: FrameProposals, ground: EncodedPoints) -> Columns:
     """Return the share of the rays that reach each box and end in it; NULL where none does."""
     own, scale = chunk.settings, chunk.metric_scale
     xyz = chunk.dataset.read_points(item.frame).xyz
@@ -149,7 +117,7 @@ def _visibility(chunk: _Chunk, item: _Item, ground: EncodedPoints) -> Columns:
     stopped, passed = ray_counts(rays, item.boxes, cores, own.margin_m * scale)
     reached = (stopped + passed).tolist()
     shares = [s / r if r else None for s, r in zip(stopped.tolist(), reached, strict=True)]
-    return _columns(item, range(len(item.ids)), MODULE, shares, list(map(float, reached)), "rays")
+    return item.confidences(MODULE, shares, list(map(float, reached)), "rays")
 
 
 def _cores(boxes: FloatArray, share: float, base_m: float) -> FloatArray:
@@ -164,28 +132,13 @@ def _cores(boxes: FloatArray, share: float, base_m: float) -> FloatArray:
     return cores
 
 
-def _free_space(item: _Item, speaking: frozenset[str]) -> Columns | None:
+def _free_space(item: FrameProposals, speaking: frozenset[str]) -> Columns | None:
     """Return the share of free votes of the proposals of sources that say nothing of motion."""
     own = [i for i, source in enumerate(item.sources) if source not in speaking]
     if not own:
         return None
-    votes = item.votes[own].tolist()
+    votes = item.values[own].tolist()
     shares = [free / (free + static) if free + static > 0 else None for free, static in votes]
     # NaN stands for no points: it is no vote.
     free_votes = [None if np.isnan(free) else free for free, _ in votes]
-    return _columns(item, own, MOTION_MODULE, shares, free_votes, "votes a point")
-
-
-def _columns(
-    item: _Item, numbers: Any, module: str, confidence: list[Any], raw: list[Any], unit: str
-) -> Columns:
-    count = len(confidence)
-    return {
-        "proposal_id": [item.ids[i] for i in numbers],
-        "frame": [item.frame.frame] * count,
-        "source": [item.sources[i] for i in numbers],
-        "module": [module] * count,
-        "confidence": confidence,
-        "raw_value": raw,
-        "unit": [unit] * count,
-    }
+    return item.confidences(MOTION_MODULE, shares, free_votes, "votes a point", own)

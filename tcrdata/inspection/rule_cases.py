@@ -14,7 +14,7 @@ from tcrdata.inspection.case_files import VERDICT, Case, read_cases, wrong
 from tcrdata.resources import resource_folder
 from tcrdata.rules import Rule, load_rules
 from tcrdata.rules.binding import EVIDENCE_TABLES
-from tcrdata.rules.sql_files import to_literal
+from tcrdata.rules.parameters import to_literal
 from tcrdata.store import schemas
 from tcrdata.store.views import quote
 

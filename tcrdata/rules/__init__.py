@@ -1,11 +1,11 @@
 """Rules and presets in SQL: loading them, judging with them, and the selections they make."""
 
 from tcrdata.rules.checks import checks_view_sql
+from tcrdata.rules.parameters import Parameter
 from tcrdata.rules.preset_files import PresetText, load_preset, preset_names, read_preset
 from tcrdata.rules.presets import Preset
 from tcrdata.rules.rule_files import Rule, RuleText, load_rules
 from tcrdata.rules.selections import Selection, select
-from tcrdata.rules.sql_files import Parameter
 
 __all__ = [
     "Parameter",

@@ -7,7 +7,7 @@ it scored are out of reach, and so are files.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -85,13 +85,17 @@ class Binder:
         self.close()
 
     def bind(
-        self, file: SqlFile, literals: dict[str, str], result: dict[str, str], *, alone: bool
-    ) -> Reads:
-        """Bind a file's select with its parameters filled in.
+        self,
+        files: Sequence[tuple[SqlFile, Mapping[str, str]]],
+        result: Mapping[str, str],
+        *,
+        alone: bool,
+    ) -> list[Reads]:
+        """Bind the selects of some files with their parameters filled in.
 
         Args:
-            file: rule or preset.
-            literals: a literal for each parameter that the file may read.
+            files: rules or presets, each with a literal for each parameter that it may read; all
+                together take a third of the time of one by one.
             result: column name to DuckDB type, in order.
             alone: a rule judges a proposal by itself: `proposals` once and no window, so that it
                 says the same of a proposal whichever others it sees.
@@ -99,24 +103,25 @@ class Binder:
         Raises:
             RuleError: with file and line.
         """
-        for name, line in uses(file.select):
-            if name not in literals:
-                raise RuleError(
-                    f"{file.path}:{file.select_line + line}: parameter {name} is used but not set; "
-                    f"add `set variable {name} = ...;  -- unit: meaning`"
-                )
-        select = fill_in(file.select, literals)
-        self._check_result(file, self._describe(file, select), result)
-        tree = _Tree(self._parse(select))
-        self._check_functions(file, tree)
-        if alone:
-            _check_alone(file, tree)
-        tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
-        known = [name for name, _, _ in schemas.columns("proposals")]
-        read = {*(known if tree.star else tree.words)}
-        columns = tuple(name for name in known if name in {*KEY_COLUMNS, *read})
-        named = tuple(name for name in known if name in read)
-        return Reads(tables, columns, named, tree.passes_id, tree.row_by_row, tree.each_alone)
+        selects = [_filled(file, literals) for file, literals in files]
+        if not self._all_give(selects, result):
+            for (file, _), select in zip(files, selects, strict=True):
+                _check_result(file, self._describe(file, select), result)
+        trees = self._parse(selects)
+        for (file, _), tree in zip(files, trees, strict=True):
+            _check_functions(file, tree)
+            if alone:
+                _check_alone(file, tree)
+        return [_reads(tree) for tree in trees]
+
+    def _all_give(self, selects: Sequence[str], result: Mapping[str, str]) -> bool:
+        """Whether DuckDB binds all selects, and each gives these columns."""
+        together = ", ".join(f"({select}\n) s{place}" for place, select in enumerate(selects))
+        try:
+            rows = self.connection.execute(f"describe select * from {together}").fetchall()
+        except duckdb.Error:
+            return False
+        return [(row[0], row[1]) for row in rows] == list(result.items()) * len(selects)
 
     def _describe(self, file: SqlFile, select: str) -> list[tuple[str, str]]:
         """Names and types of the columns the select gives."""
@@ -129,38 +134,49 @@ class Binder:
             raise RuleError(message + hint * known) from error
         return [(row[0], row[1]) for row in rows]
 
-    def _check_result(
-        self, file: SqlFile, found: list[tuple[str, str]], wanted: dict[str, str]
-    ) -> None:
-        """The result has these columns, in this order, of these types."""
-        where = f"{file.path}:{file.select_line}"
-        names = [name for name, _ in found]
-        if names != list(wanted):
-            raise RuleError(
-                f"{where}: the select gives columns ({', '.join(names)}), "
-                f"it must give ({', '.join(wanted)})"
-            )
-        for name, kind in found:
-            if kind != wanted[name]:
-                raise RuleError(
-                    f"{where}: column {name} is {kind}, it must be {wanted[name]}; "
-                    f"cast it with ::{wanted[name].lower()}"
-                )
+    def _parse(self, selects: Sequence[str]) -> list[_Tree]:
+        """DuckDB's syntax trees."""
+        sql = "select json_serialize_sql(unnest($1::varchar[]))"
+        rows = self.connection.execute(sql, [selects]).fetchall()
+        return [_Tree(json.loads(text)) for (text,) in rows]
 
-    def _parse(self, select: str) -> Any:
-        """DuckDB's syntax tree."""
-        ((text,),) = self.connection.execute("select json_serialize_sql($1)", [select]).fetchall()
-        return json.loads(text)
 
-    def _check_functions(self, file: SqlFile, tree: _Tree) -> None:
-        """Refuse what may say something else tomorrow."""
-        others = set(tree.functions) - STEADY
-        unstable = sorted(others and others & unsteady())
-        if unstable:
+def _filled(file: SqlFile, literals: Mapping[str, str]) -> str:
+    """The select of a file, of whose parameters none is left open."""
+    for name, line in uses(file.select):
+        if name not in literals:
             raise RuleError(
-                f"{file.path}:{file.select_line}: {unstable[0]}() may differ from run to run; "
-                "a verdict depends on evidence and parameters alone"
+                f"{file.path}:{file.select_line + line}: parameter {name} is used but not set; "
+                f"add `set variable {name} = ...;  -- unit: meaning`"
             )
+    return fill_in(file.select, literals)
+
+
+def _check_result(file: SqlFile, found: list[tuple[str, str]], wanted: Mapping[str, str]) -> None:
+    """The result has these columns, in this order, of these types."""
+    where = f"{file.path}:{file.select_line}"
+    names = [name for name, _ in found]
+    if names != list(wanted):
+        raise RuleError(
+            f"{where}: the select gives columns ({', '.join(names)}), "
+            f"it must give ({', '.join(wanted)})"
+        )
+    for name, kind in found:
+        if kind != wanted[name]:
+            raise RuleError(
+                f"{where}: column {name} is {kind}, it must be {wanted[name]}; "
+                f"cast it with ::{wanted[name].lower()}"
+            )
+
+
+def _reads(tree: _Tree) -> Reads:
+    """What the select of a tree reads."""
+    tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
+    known = [name for name, _, _ in schemas.columns("proposals")]
+    read = {*(known if tree.star else tree.words)}
+    columns = tuple(name for name in known if name in {*KEY_COLUMNS, *read})
+    named = tuple(name for name in known if name in read)
+    return Reads(tables, columns, named, tree.passes_id, tree.row_by_row, tree.each_alone)
 
 
 @cache
@@ -172,6 +188,17 @@ def unsteady() -> frozenset[str]:
             "where stability in ('VOLATILE', 'CONSISTENT_WITHIN_QUERY')"
         ).fetchall()
     return frozenset(str(name) for (name,) in rows) - {"error"}
+
+
+def _check_functions(file: SqlFile, tree: _Tree) -> None:
+    """Refuse what may say something else tomorrow."""
+    others = set(tree.functions) - STEADY
+    unstable = sorted(others and others & unsteady())
+    if unstable:
+        raise RuleError(
+            f"{file.path}:{file.select_line}: {unstable[0]}() may differ from run to run; "
+            "a verdict depends on evidence and parameters alone"
+        )
 
 
 def _check_alone(file: SqlFile, tree: _Tree) -> None:
@@ -207,8 +234,9 @@ class _Tree:
 
     @property
     def star(self) -> bool:
-        """Whether `*` or a whole row stands somewhere, so that every column counts as read."""
-        return "STAR" in self.classes or "proposals" in self.words
+        """Whether `*`, a whole row or a natural join makes every column count as read."""
+        natural = any(n.get("ref_type") == "NATURAL" for n in self._nodes)
+        return natural or "STAR" in self.classes or "proposals" in self.words
 
     @property
     def passes_id(self) -> bool:

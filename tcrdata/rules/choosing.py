@@ -14,7 +14,7 @@ from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.scopes import Relations, handing_on, quoted, run_sql, scoped
 from tcrdata.store import schemas
 
-BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")
+_BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")
 """What tells whether boxes share a place."""
 
 
@@ -23,11 +23,11 @@ def choose(
 ) -> None:
     """Make the table `chosen`: what each preset's select gives of its own survivors.
 
-    `number` is the survivor's row; `own` says whether the preset still took it. Presets whose
+    `number` is the survivor's; `own` says whether the preset still took it. Presets whose
     selects are one text, and take each proposal by itself, are run together.
     """
     connection.execute(
-        "create or replace temp table chosen (proposal_id varchar, state varchar, score double, "
+        "create temp table chosen (proposal_id varchar, state varchar, score double, "
         "place integer, number bigint, own boolean)"
     )
     together: dict[object, list[int]] = {}
@@ -46,20 +46,20 @@ def _given(preset: FilledPreset, places: Sequence[int], relations: Relations) ->
     """SQL of what a select gives for the presets of some places; the first has what is no one's."""
     bits = ", ".join(f"({place}, {1 << place}::bigint)" for place in places)
     mask = sum(1 << place for place in places)
-    own = f"(select *, rowid as survivor from survivors where alive & {mask} <> 0)"
+    own = f"(from survivors where alive & {mask} <> 0)"
     scope = {**relations, "proposals": own}
     numbered = None
     if preset.reads.each_alone:
-        numbered = handing_on(preset.select, "{p}.survivor, {p}.alive, {p}.proposal_id")
+        numbered = handing_on(preset.select, "{p}.number, {p}.alive, {p}.proposal_id")
     if numbered:
         given = scoped(numbered, preset.reads.tables, scope)
-        found = "c.survivor, true"
+        found = "c.number, true"
         source = f"({given}\n) c join"
     else:
         given = scoped(preset.select, preset.reads.tables, scope)
-        found = "c.rowid, b.place is not null"
+        found = "c.number, b.place is not null"
         source = (
-            f"(select c.*, s.rowid, s.alive from ({given}\n) c "
+            f"(select c.*, s.number, s.alive from ({given}\n) c "
             "left join survivors s on s.proposal_id = c.proposal_id) c left join"
         )
     return (
@@ -97,19 +97,15 @@ def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) 
 
 
 def labels_of(
-    connection: duckdb.DuckDBPyConnection,
-    presets: Sequence[FilledPreset],
-    panel: Sequence[Seat],
-    relations: Relations,
+    connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset], panel: Sequence[Seat]
 ) -> pa.Table:
     """The accepted proposals and those left undecided, with all columns of `labels`."""
     _decide(connection, presets)
     return connection.sql(
         f"with carriers as (select carried, place, {_carried_by(presets, panel)} as carried_by "
-        "from (select distinct carried, place from decided)), "
-        "named as (select d.*, s.proposal_id from decided d join survivors s on s.rowid = number) "
-        f"select {_label_columns(presets)} from {relations['proposals']} p "
-        "join named d using (proposal_id) join carriers c using (carried, place) "
+        "from (select distinct carried, place from decided)) "
+        f"select {_label_columns(presets)} from decided d join kept p on p.rowid = d.number "
+        "join carriers c on c.carried = d.carried and c.place = d.place "
         "order by p.dataset, p.sequence, p.frame, p.proposal_id"
     ).to_arrow_table()
 
@@ -117,14 +113,14 @@ def labels_of(
 def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset]) -> None:
     """Make the table `decided`: state and score of what becomes a label, and for which preset."""
     its = "c.number, c.state, c.score, s.carried, c.place"
-    chosen = "chosen c join survivors s on s.rowid = c.number"
+    chosen = "chosen c join survivors s on s.number = c.number"
     decided = f"select {its} from {chosen} where c.place = 0"
     if len(presets) > 1:
         # A survivor's number stands for its id: whole numbers are compared sooner than texts.
-        where = ", ".join(f"s.{name}" for name in ("dataset", "sequence", "frame", *BOX))
+        where = ", ".join(f"k.{name}" for name in ("dataset", "sequence", "frame", *_BOX))
         connection.execute(
-            "create or replace temp table candidates as "
-            f"select c.number as proposal_id, {its}, {where} from {chosen}"
+            f"create temp table candidates as select c.number as proposal_id, {its}, {where} "
+            f"from {chosen} join kept k on k.rowid = c.number"
         )
         path = resource_folder("queries") / "states" / "ignore.sql"
         undecided = scoped(
@@ -139,7 +135,7 @@ def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPrese
             "select number, state, score, carried, place from candidates where place = 0 union all "
             f"select number, 'ignore', score, carried, place from ({undecided})"
         )
-    connection.execute(f"create or replace temp table decided as {decided}")
+    connection.execute(f"create temp table decided as {decided}")
 
 
 def labels_in(connection: duckdb.DuckDBPyConnection) -> tuple[int, int]:

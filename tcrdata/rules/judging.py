@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import duckdb
 import pyarrow as pa
 
 from tcrdata.errors import RuleError
-from tcrdata.rules.choosing import BOX, choose, labels_in, labels_of, no_labels
+from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, count, handing_on, quoted, run_sql, scoped
+from tcrdata.rules.scopes import (
+    Relations,
+    count,
+    handing_on,
+    judged_frames,
+    quoted,
+    run_sql,
+    scoped,
+)
 from tcrdata.store import schemas
 
 _BITS = 62  # verdicts that fit into a bigint
 ALIVE = "(from survivors where alive <> 0)"
 """The proposals that some preset still takes."""
 
-_IN_HAND = ("survivors", "remaining", "chosen", "candidates", "decided")
 _ID = "proposal_id"
 
 
@@ -44,7 +51,7 @@ def judge(
     """Judge every proposal of some whole sequences with a preset and its alternatives.
 
     Args:
-        connection: temporary tables are made and dropped in it.
+        connection: a session of its own: temporary tables are left in it.
         preset: with its parameters filled in.
         relations: each evidence table, these sequences' rows of one round.
         rows: how many proposals there are.
@@ -55,29 +62,31 @@ def judge(
     """
     presets = (preset, *preset.alternatives)
     panel = seats(presets)
-    alone = len(presets) == 1
-    if not alone:  # one preset's own filter reaches the files; several together do not
-        relations = _of_sources(connection, _opening(presets, panel, relations), relations)
-    before = _everybody(presets, panel, _columns(presets, panel), relations)
+    texts = {preset.rules[0].select for preset in presets}
+    opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
+    if opening:
+        passing = _let_through(presets, panel, opening, relations)
+        relations = _of_sources(connection, passing, _named(opening), relations)
+    shown = set(no_labels().column_names)
+    before = _everybody(presets, panel, _columns(presets, panel) | shown, relations)
     listed = runs(panel)
     left = rows
-    if rows and not alone and not listed[0][0].streams:  # rows are counted to be compared
-        left = count(connection, before)
-    for run, later in _with_later(listed):
+    for place, run in enumerate(listed):
         if left:
-            columns = _columns(presets, later)
-            left = _keep_survivors(connection, run, columns, before, left, relations)
-            if alone and before != ALIVE:
-                relations = _of_sources(connection, ALIVE, relations)
+            columns = _columns(presets, [seat for later in listed[place + 1 :] for seat in later])
+            if not place:
+                columns |= shown
+            left = _keep_survivors(connection, run, place, columns, before, left, relations)
             before = ALIVE
-    judged = Judged(no_labels())
-    if left:
-        choose(connection, presets, relations)
-        labels = labels_of(connection, presets, panel, relations)
-        judged = Judged(labels, *labels_in(connection))
-    for table in _IN_HAND:
-        connection.execute(f"drop table if exists {table}")
-    return judged
+    if not left:
+        return Judged(no_labels())
+    choose(connection, presets, relations)
+    return Judged(labels_of(connection, presets, panel), *labels_in(connection))
+
+
+def _named(rules: Sequence[Seat]) -> str:
+    """What errors call some rules that are run together."""
+    return "rule " + " or ".join(seat.rule.name for seat in rules)
 
 
 def _everybody(
@@ -98,17 +107,10 @@ def _everybody(
     )
 
 
-def _with_later(listed: Sequence[list[Seat]]) -> Iterator[tuple[list[Seat], list[Seat]]]:
-    """Each run, and the rules of all that come after it."""
-    for place, run in enumerate(listed):
-        yield run, [seat for later in listed[place + 1 :] for seat in later]
-
-
 def _columns(presets: Sequence[FilledPreset], rules: Sequence[Seat]) -> set[str]:
-    """Columns of `proposals` that some rules or the presets' selects read, or a place takes."""
+    """Columns of `proposals` that some rules or the presets' selects read."""
     reads = [*(preset.reads for preset in presets), *(seat.rule.reads for seat in rules)]
-    read = {"source", *(name for r in reads for name in r.columns)}
-    return read | set(BOX) if len(presets) > 1 else read
+    return {_ID, *(name for read in reads for name in read.named)}
 
 
 def _listed(columns: Collection[str]) -> str:
@@ -116,13 +118,16 @@ def _listed(columns: Collection[str]) -> str:
     return ", ".join(name for name, *_ in schemas.columns("proposals") if name in columns)
 
 
-def _opening(presets: Sequence[FilledPreset], panel: Sequence[Seat], relations: Relations) -> str:
+def _let_through(
+    presets: Sequence[FilledPreset],
+    panel: Sequence[Seat],
+    opening: Sequence[Seat],
+    relations: Relations,
+) -> str:
     """SQL of what the presets' opening rules let through, with few columns read.
 
     Rules say the same of rows that are alike in what the rules name, so one of them stands for all.
     """
-    texts = {preset.rules[0].select for preset in presets}
-    opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
     named = {"source", *(name for seat in opening for name in seat.rule.reads.named)} - {_ID}
     kinds = {column.name: column.type for column in schemas.columns("proposals")}
     once = "distinct " * all(kinds[name] == "varchar" for name in named)
@@ -133,11 +138,11 @@ def _opening(presets: Sequence[FilledPreset], panel: Sequence[Seat], relations: 
 
 
 def _of_sources(
-    connection: duckdb.DuckDBPyConnection, passing: str, relations: Relations
+    connection: duckdb.DuckDBPyConnection, passing: str, what: str, relations: Relations
 ) -> Relations:
     """Relations without the sources of which nothing passes: a file holds one source."""
     sql = f"select distinct source from {passing} order by 1"
-    rows = run_sql(connection, sql, "the rule that comes first").fetchall()
+    rows = run_sql(connection, sql, what).fetchall()
     listed = [quoted(source) for (source,) in rows]
     kept = f"source in ({', '.join(listed) or 'null'})"
     return {
@@ -150,29 +155,32 @@ def _of_sources(
 def _keep_survivors(
     connection: duckdb.DuckDBPyConnection,
     run: Sequence[Seat],
+    place: int,
     columns: Collection[str],
     before: str,
     rows_before: int,
     relations: Relations,
 ) -> int:
-    """Replace the survivors by what these rules leave alive; return how many that are.
+    """Let `survivors` show what these rules leave alive; return how many that are.
 
+    What the first rules leave, with all that labels show, stays in `kept`: a survivor's `number` is
+    its row there. Later ones copy only the columns given, which some later rule reads.
     A rule that joins gives a row each: its rows are counted before the dead are passed over.
-    Only the columns given stay: what no later rule reads is not copied again.
     """
-    what = "rule " + " or ".join(seat.rule.name for seat in run)
+    what = _named(run)
     streams = run[0].streams
     after = _streamed(run, before, relations) if streams else _joined(run[0], before, relations)
-    remaining = f"select {_listed(columns)}, carried, alive from {after}"
+    table, number = (f"kept_{place}", ", number") if place else ("kept", "")
+    remaining = f"select {_listed(columns)}, carried, alive{number} from {after}"
     remaining += " where alive <> 0" if streams else ""
-    run_sql(connection, f"create or replace temp table remaining as {remaining}", what)
-    if not streams and (rows := count(connection, "remaining")) != rows_before:
+    run_sql(connection, f"create temp table {table} as {remaining}", what)
+    if not streams and (rows := count(connection, table)) != rows_before:
         raise RuleError(
             f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
             "use a left join on keys that match one row"
         )
-    connection.execute("drop table if exists survivors")
-    connection.execute("alter table remaining rename to survivors")
+    numbered = "*" if place else "*, rowid as number"
+    connection.execute(f"create or replace temp view survivors as select {numbered} from {table}")
     return count(connection, ALIVE)
 
 
@@ -211,14 +219,19 @@ def _joined(seat: Seat, before: str, relations: Relations) -> str:
     A number that is lost or doubled shows in the count of rows, as whole rows would.
     """
     rule = seat.rule
+    of_frames = judged_frames(rule.select, rule.reads, {**relations, "proposals": before})
+    if of_frames:
+        verdicts, keys = of_frames
+        joined = f"(select s.*, v.passed from {before} s join ({verdicts}\n) v using ({keys}))"
+        return _after(seat, joined, "passed")
     numbered = before == ALIVE and rule.reads.passes_id
     rows = before
     if numbered:  # a row's number travels through the rule, not the row
-        rows = f"(select * replace (rowid as {_ID}) from survivors where alive <> 0)"
+        rows = f"(select * replace (number as {_ID}) from survivors where alive <> 0)"
     elif rule.reads.passes_id:
         return _after(seat, _with_verdict(seat, before, relations), f"passed_{seat.number}")
     verdicts = scoped(rule.select, rule.reads.tables, {**relations, "proposals": rows})
-    left, key = ("left join survivors", "rowid") if numbered else (f"join {before}", _ID)
+    left, key = ("left join survivors", "number") if numbered else (f"join {before}", _ID)
     return _after(
         seat,
         f"(select s.*, v.passed from ({verdicts}\n) v {left} s on s.{key} = v.{_ID})",

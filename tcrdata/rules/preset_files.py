@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeVar
 from tcrdata.errors import RuleError, SettingsError
 from tcrdata.resources import resource_files, resource_folder
 from tcrdata.rules.binding import PRESET_COLUMNS, Binder
+from tcrdata.rules.parameters import Parameter
 from tcrdata.rules.presets import LOOSENED, NEXT, Preset
 from tcrdata.rules.rule_files import (
     Rule,
@@ -20,7 +21,7 @@ from tcrdata.rules.rule_files import (
     names_in,
     read_rule,
 )
-from tcrdata.rules.sql_files import Parameter, SqlFile, read_sql_file, uses
+from tcrdata.rules.sql_files import SqlFile, read_sql_file, uses
 
 if TYPE_CHECKING:
     import duckdb
@@ -125,7 +126,7 @@ def _read(path: Path, binder: Binder, known: dict[str, Rule]) -> Preset:
     chosen = _chosen(file, known)
     parameters = _parameters(file, known, chosen)
     literals = {name: parameter.literal for name, parameter in parameters.items()}
-    reads = binder.bind(file, literals, PRESET_COLUMNS, alone=False)
+    (reads,) = binder.bind([(file, literals)], PRESET_COLUMNS, alone=False)
     required = frozenset(names_in(file.fields["required"]))
     cues = names_in(file.fields["cues"])
     _check_header(path, chosen, required, cues)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 
 from tcrdata.errors import SettingsError
 from tcrdata.rules.binding import Reads
+from tcrdata.rules.parameters import Parameter, to_literal
 from tcrdata.rules.rule_files import Rule
-from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, to_literal
+from tcrdata.rules.sql_files import SqlFile, fill_in
 
 LOOSENED = "loosened"
 """Name of the alternative that is the preset itself with looser bounds."""

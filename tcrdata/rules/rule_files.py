@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 from tcrdata.errors import RuleError
 from tcrdata.resources import resource_folder
 from tcrdata.rules.binding import RULE_COLUMNS, Binder, Reads
-from tcrdata.rules.sql_files import Parameter, SqlFile, fill_in, read_sql_file, uses
+from tcrdata.rules.parameters import Parameter
+from tcrdata.rules.sql_files import SqlFile, fill_in, read_sql_file, uses
 
 if TYPE_CHECKING:
     import duckdb
@@ -75,23 +76,6 @@ def read_rule(path: Path, connection: duckdb.DuckDBPyConnection) -> RuleText:
     return RuleText(file.name, file.decides, source, needs, cues, file.parameters, file)
 
 
-def load_rule(path: Path, binder: Binder) -> Rule:
-    """Read one rule and bind it on empty tables.
-
-    Raises:
-        RuleError: with file and line.
-    """
-    text = read_rule(path, binder.connection)
-    literals = {p.name: p.literal for p in text.parameters}
-    reads = binder.bind(text.file, literals, RULE_COLUMNS, alone=True)
-    used = {name for name, _ in uses(text.file.select)}
-    for parameter in text.parameters:
-        if parameter.name not in used:
-            raise RuleError(f"{path}:{parameter.line}: {parameter.name} is set but not used")
-        check_described(parameter)
-    return Rule(**vars(text), reads=reads)
-
-
 def load_rules(
     folder: Path | None = None,
     binder: Binder | None = None,
@@ -118,13 +102,29 @@ def load_rules(
     if folder is not None and folder.resolve() != shipped.resolve():
         paths += sorted(folder.glob("*.sql"))
     wanted = {path.stem for path in paths} if named is None else set(named)
-    rules = [load_rule(path, binder) for path in paths if path.stem in wanted]
+    rules = _bound([path for path in paths if path.stem in wanted], binder)
     check_unique([p for rule in rules for p in rule.parameters])
     for index, rule in enumerate(rules):
         earlier = next((r for r in rules[:index] if r.name == rule.name), None)
         if earlier is not None:
             raise RuleError(f"{rule.file.path}:1: a rule {rule.name} is in {earlier.file.path} too")
     return {rule.name: rule for rule in sorted(rules, key=lambda rule: rule.name)}
+
+
+def _bound(paths: Sequence[Path], binder: Binder) -> list[Rule]:
+    """The rules of some files, which bind on empty tables."""
+    texts = [read_rule(path, binder.connection) for path in paths]
+    literals = [{p.name: p.literal for p in text.parameters} for text in texts]
+    files = [(text.file, own) for text, own in zip(texts, literals, strict=True)]
+    reads = binder.bind(files, RULE_COLUMNS, alone=True)
+    for text in texts:
+        used = {name for name, _ in uses(text.file.select)}
+        for parameter in text.parameters:
+            if parameter.name not in used:
+                where = f"{parameter.path}:{parameter.line}"
+                raise RuleError(f"{where}: {parameter.name} is set but not used")
+            check_described(parameter)
+    return [Rule(**vars(text), reads=its) for text, its in zip(texts, reads, strict=True)]
 
 
 def check_described(parameter: Parameter) -> None:

@@ -5,19 +5,33 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import duckdb
 
 from tcrdata.errors import RuleError
 
+if TYPE_CHECKING:
+    from tcrdata.rules.binding import Reads
+
 _HANDS_ON = re.compile(r"select\s+(\w+)\.proposal_id\s*,", re.IGNORECASE)
+_PLAIN = re.compile(r"(select\b.*\bfrom)\s+proposals\s+(?:as\s+)?(\w+)", re.IGNORECASE | re.DOTALL)
+
+_OF_A_FRAME = {"dataset", "sequence", "frame", "round", "metric_scale"}
 
 Relations = Mapping[str, str]
 """Evidence table to the SQL that stands for it behind `from`."""
 
 
 def scoped(select: str, tables: tuple[str, ...], relations: Relations) -> str:
-    """A select that reads these relations under the names of the tables."""
+    """A select that reads these relations under the names of the tables.
+
+    A plain `select ... from proposals p` gets its relation right there: rules stand inside one
+    another, and each select around a select takes its time to plan.
+    """
+    plain = _PLAIN.fullmatch(select)
+    if plain and tables == ("proposals",) and select.lower().count("proposals") == 1:
+        return f"{plain[1]} {relations['proposals']} {plain[2]}"
     scope = ",\n".join(
         f"{table} as not materialized (select * from {relations[table]})" for table in tables
     )
@@ -33,6 +47,20 @@ def handing_on(select: str, columns: str) -> str | None:
         lambda found: f"select {columns.format(p=found[1])},", select, count=1
     )
     return changed if times and _HANDS_ON.match(select) else None
+
+
+def judged_frames(select: str, reads: Reads, relations: Relations) -> tuple[str, str] | None:
+    """What a rule that names columns of the frame alone says, a row a frame, and these columns.
+
+    A frame's proposals are alike to it, and joins in it see a row a frame. None for other rules.
+    """
+    keys = [name for name in reads.named if name != "proposal_id"]
+    if not keys or not reads.passes_id or reads.row_by_row or not set(keys) <= _OF_A_FRAME:
+        return None
+    whole = handing_on(select, ", ".join(f"{{p}}.{key}" for key in keys))
+    alike = f"(select distinct {', '.join(keys)} from {relations['proposals']})"
+    verdicts = scoped(whole, reads.tables, {**relations, "proposals": alike}) if whole else ""
+    return (verdicts, ", ".join(keys)) if whole else None
 
 
 def quoted(text: str) -> str:

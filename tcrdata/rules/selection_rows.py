@@ -3,30 +3,36 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, TypeVar
 
 import duckdb
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
-from tcrdata.rules.judging import judge
+from tcrdata.rules.judging import Judged, judge
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
-from tcrdata.store import FileEntry, Store, Unit, schemas
+from tcrdata.store import FileEntry, Store, Unit
 from tcrdata.store.columns import repeated
 from tcrdata.store.compaction import read_bundles
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import create_views
 
-BATCH_ROWS = 750_000
-"""Proposals judged at once, whole sequences: bounds the memory, decides nothing."""
+BATCH_ROWS = 500_000
+"""Proposals judged in one go, whole sequences: bounds the memory, decides nothing."""
 
-BUNDLED = 3
-"""As many times more where files are bundled: a bundle is read where all of its files are."""
+AT_ONCE = 2
+"""Batches judged side by side: planning and putting in order keep one processor busy."""
 
-_BATCH = "batch"  # schema that holds the views of the batch at hand
+BUNDLED_ROWS = 2_250_000
+"""The same where files are bundled, one batch at a time: a bundle is read where all of it is."""
+
+_Item = TypeVar("_Item")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -54,20 +60,49 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:
         connection.execute("set global parquet_metadata_cache = true")
-        rows_at_once = BATCH_ROWS * (BUNDLED if read_bundles(opened) else 1)
-        for batch in _batches(run.files, rows_at_once):
-            connection.execute(f"drop schema if exists {_BATCH} cascade")
-            create_views(connection, opened, batch, {}, _BATCH)
-            relations = {t: of_round(f"{_BATCH}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
-            rows = sum(entry.rows for entry in batch["proposals"])
-            judged = judge(connection, run.preset, relations, rows)
+        rows, at_once = (BUNDLED_ROWS, 1) if read_bundles(opened) else (BATCH_ROWS, AT_ONCE)
+        batches = enumerate(_batches(run.files, rows))
+        work = partial(_judge, connection, opened, run)
+        for judged in _in_turn(work, batches, at_once):
             positive += judged.positive
             undecided += judged.undecided
             columns = {name: judged.labels[name] for name in judged.labels.column_names}
             own = repeated(run.unit.sequence, judged.labels.num_rows)
             yield "labels", {"selection_id": own, **columns}
         yield "labels", {}
-        yield "selections", _own_row(connection, run, positive, undecided)
+        yield "selections", _own_row(run, positive, undecided)
+
+
+def _judge(
+    connection: duckdb.DuckDBPyConnection,
+    opened: Filesystem,
+    run: Run,
+    batch: tuple[int, Mapping[str, Sequence[FileEntry]]],
+) -> Judged:
+    """Judge the proposals of a batch, which has a number and files, in a session of its own."""
+    number, files = batch
+    schema = f"batch_{number}"
+    with connection.cursor() as session:
+        create_views(session, opened, files, {}, schema)
+        relations = {t: of_round(f"{schema}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
+        rows = sum(entry.rows for entry in files["proposals"])
+        judged = judge(session, run.preset, relations, rows)
+        session.execute(f"drop schema {schema} cascade")
+    return judged
+
+
+def _in_turn(
+    work: Callable[[_Item], _Result], items: Iterable[_Item], at_once: int
+) -> Iterator[_Result]:
+    """Results in order; so many items are at work at once, and no more ahead of their taker."""
+    with ThreadPoolExecutor(at_once) as pool:
+        ahead: deque[Future[_Result]] = deque()
+        for item in items:
+            if len(ahead) == at_once:
+                yield ahead.popleft().result()
+            ahead.append(pool.submit(work, item))
+        while ahead:
+            yield ahead.popleft().result()
 
 
 def decided_by(preset: FilledPreset) -> dict[str, Any]:
@@ -80,13 +115,8 @@ def decided_by(preset: FilledPreset) -> dict[str, Any]:
     }
 
 
-def _own_row(
-    connection: duckdb.DuckDBPyConnection, run: Run, positive: int, undecided: int
-) -> dict[str, Any]:
-    """The columns of the selection's row of `selections`.
-
-    DuckDB makes Arrow columns of plain values; Arrow itself would import pandas for it.
-    """
+def _own_row(run: Run, positive: int, undecided: int) -> dict[str, list[Any]]:
+    """The columns of the selection's row of `selections`."""
     preset = run.preset
     row = {
         "selection_id": run.unit.sequence,
@@ -98,18 +128,13 @@ def _own_row(
         "rule_texts": [rule.select for rule in preset.rules],
         "required": [rule.required for rule in preset.rules],
         "preset_text": preset.select,
-        "parameters": dict(sorted(preset.parameters.items())),
+        "parameters": preset.parameters,
         "alternatives": json.dumps([decided_by(other) for other in preset.alternatives]),
         "proposals_judged": sum(e.rows for e in run.files if e.table == "proposals"),
         "labels": positive,
         "ignored": undecided,
     }
-    kinds = {column.name: column.type for column in schemas.columns("selections")}
-    made = connection.sql(
-        "select unnest(from_json($row, $kinds))",
-        params={"row": json.dumps(row), "kinds": json.dumps(kinds)},
-    ).to_arrow_table()
-    return {name: made[name] for name in row}
+    return {name: [value] for name, value in row.items()}
 
 
 def _batches(files: Sequence[FileEntry], rows_at_once: int) -> Iterator[dict[str, list[FileEntry]]]:

@@ -12,7 +12,7 @@ from typing import Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES, RULE_COLUMNS, Binder, Reads
 from tcrdata.rules.rounds import of_round
-from tcrdata.rules.scopes import handing_on, quoted, scoped
+from tcrdata.rules.scopes import handing_on, judged_frames, quoted, scoped
 from tcrdata.rules.sql_files import SqlFile
 
 _KEYS = ("proposal_id", "dataset", "sequence", "frame", "source")
@@ -48,13 +48,11 @@ def _reads(selections: Sequence[Mapping[str, Any]]) -> dict[str, Reads]:
         for selection in selections
         for rule, text in zip(selection["rules"], selection["rule_texts"], strict=True)
     }
+    files: list[tuple[SqlFile, Mapping[str, str]]] = [
+        (SqlFile(Path(rule), "", {}, (), text, 1), {}) for text, rule in texts.items()
+    ]
     with Binder() as binder:
-        return {
-            text: binder.bind(
-                SqlFile(Path(rule), "", {}, (), text, 1), {}, RULE_COLUMNS, alone=True
-            )
-            for text, rule in texts.items()
-        }
+        return dict(zip(texts, binder.bind(files, RULE_COLUMNS, alone=True), strict=True))
 
 
 def _wanted(reads: Iterable[Reads]) -> list[str]:
@@ -76,6 +74,10 @@ def _select(selection: Mapping[str, Any], reads: Mapping[str, Reads]) -> str:
 def _judged(rows: str, place: int, text: str, read: Reads, relations: Mapping[str, str]) -> str:
     """The rows with a rule's value, bound and verdict behind them."""
     renamed = ", ".join(f"{name} as {name}_{place}" for name in _VERDICT)
+    of_frames = judged_frames(text, read, relations)
+    if of_frames:
+        verdicts, keys = of_frames
+        return f"(select r.*, {renamed}\nfrom {rows} r join ({verdicts}) v using ({keys}))"
     whole = handing_on(text, "{p}.*") if read.passes_id else None
     if whole:
         verdicts = scoped(whole, read.tables, {**relations, "proposals": rows})

@@ -11,6 +11,7 @@ from learnt_worlds import SELECTION, label, learnt_world
 from tcrdata import registry
 from tcrdata.errors import EvidenceError
 from tcrdata.evidence import objectness2d
+from tcrdata.evidence.frame_proposals import BOX
 from tcrdata.executors import Serial
 from tcrdata.ingest import frames_of
 from tcrdata.learning.runs import plan_recipe, run_training
@@ -18,7 +19,6 @@ from tcrdata.store import Store, Unit
 from tcrdata.types import CueInput
 
 STEPS = {"steps": "2", "batch": "1", "workers": "0", "network.width": "8"}
-BOX = objectness2d.BOX
 
 
 def sequence_of(store: Store) -> str:

@@ -10,6 +10,7 @@ from learnt_worlds import label, learnt_world
 
 from tcrdata import registry
 from tcrdata.evidence import visibility
+from tcrdata.evidence.frame_proposals import BOX
 from tcrdata.evidence.ray_counts import ray_counts, rays_of
 from tcrdata.executors import Serial
 from tcrdata.ingest import frames_of
@@ -101,7 +102,7 @@ def proposals(store: Store, source: str) -> dict[str, Any]:
     van = label(sequence_of(store), 0, 0, True)
     nearer = {**van, "x_m": van["x_m"] * 0.6, "z_m": van["z_m"] * 0.6, "length_m": 1.0}
     boxes = {"van": van, "before": nearer, "above": {**van, "y_m": -40.0}}
-    columns: dict[str, Any] = {n: [b[n] for b in boxes.values()] for n in visibility.BOX}
+    columns: dict[str, Any] = {n: [b[n] for b in boxes.values()] for n in BOX}
     names = [f"{source}/{name}" for name in boxes]
     return columns | {
         "proposal_id": names, "frame": [0] * 3, "source": [source] * 3, "fit": [source] * 3,

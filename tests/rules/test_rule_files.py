@@ -9,8 +9,9 @@ import pytest
 
 from tcrdata.errors import RuleError
 from tcrdata.rules.binding import STEADY, Binder, unsteady
-from tcrdata.rules.rule_files import load_rule, load_rules
-from tcrdata.rules.sql_files import fill_in, to_literal, uses
+from tcrdata.rules.parameters import to_literal
+from tcrdata.rules.rule_files import load_rules
+from tcrdata.rules.sql_files import fill_in, uses
 
 HEAD = "-- It is near.\n-- source: none\n-- needs: value <= most_m\n-- cues:\n"
 SET = "set variable most_m = 5.5;  -- m: distance\n"
@@ -24,7 +25,8 @@ Write = Callable[[str, str], Path]
 
 def test_a_rule_of_ones_own_loads(write_sql: Write) -> None:
     with Binder() as binder:
-        rule = load_rule(write_sql("near.sql", HEAD + SET + "\n" + SELECT), binder)
+        path = write_sql("near.sql", HEAD + SET + "\n" + SELECT)
+        rule = load_rules(path.parent, binder, ["near"])["near"]
     assert (rule.name, rule.decides, rule.needs) == ("near", "It is near.", "value <= most_m")
     (parameter,) = rule.parameters
     assert (parameter.literal, parameter.kind) == ("5.5", "number")
@@ -74,7 +76,7 @@ def test_a_wrong_rule_names_file_line_and_reason(
 ) -> None:
     path = write_sql("near.sql", text)
     with Binder() as binder, pytest.raises(RuleError) as caught:
-        load_rule(path, binder)
+        load_rules(path.parent, binder, ["near"])
     assert message in str(caught.value)
     assert str(caught.value).startswith(f"{path}:{line}: ")
     assert "\n" not in str(caught.value)

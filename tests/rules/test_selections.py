@@ -254,6 +254,7 @@ def test_truth_labels_and_scores_are_never_evidence() -> None:
     ("change", "message"),
     [
         ({"rule_join": ", range(2)"}, "rule mine gives 4 rows for 2 proposals"),
+        ({"rule_join": ", range(2)", "passed": "p.frame = 0"}, "rule mine gives 4 rows"),
         ({"rule_join": " where p.frame > 0"}, "rule mine gives 0 rows for 2 proposals"),
         ({"passed": "cast(p.source as integer) > 0"}, "rule mine fails on the rows: Conversion"),
         ({"state": "'maybe'"}, "gives a state that is neither positive nor ignore: d/a/000000"),
@@ -294,6 +295,14 @@ def test_a_rule_may_read_what_modules_say(store: Store, write_sql: Write) -> Non
     )
     made = select(store, path)
     assert ids(store, made.selection_id) == ["d/a/000001"]
+
+
+def test_a_rule_about_frames_says_the_same_of_all_their_proposals(
+    store: Store, write_sql: Write
+) -> None:
+    put_tracks(store, "a", [GOOD_TRACK, GOOD_TRACK, {**GOOD_TRACK, "frame": 1}])
+    path = own(write_sql, passed="p.frame = 0", rule_join=" left join range(1) r(i) on i = frame")
+    assert ids(store, select(store, path).selection_id) == ["d/a/000000", "d/a/000001"]
 
 
 def test_no_proposals_make_an_empty_selection(store: Store) -> None:

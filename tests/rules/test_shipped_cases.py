@@ -11,8 +11,8 @@ from tcrdata.inspection.case_files import Case, read_cases
 from tcrdata.inspection.rule_cases import run_case
 from tcrdata.resources import resource_files
 from tcrdata.rules import load_preset, load_rules, preset_names
+from tcrdata.rules.parameters import to_literal
 from tcrdata.rules.rule_files import Rule
-from tcrdata.rules.sql_files import to_literal
 
 CASES = {path.stem: read_cases(path) for path in resource_files("queries/cases/*.toml")}
 RULES = load_rules()

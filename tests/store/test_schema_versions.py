@@ -57,7 +57,8 @@ def fingerprint_of(monkeypatch, tmp_path) -> Iterator[Callable[..., str]]:
     monkeypatch.setattr(schemas, "resource_files", lambda _: [path])
 
     def made_of(*columns: str) -> str:
-        path.write_text(f"-- A table.\ncreate table t (\n{', '.join(columns)}\n);\n")
+        lines = ",\n    ".join(columns)
+        path.write_text(f"-- A table.\ncreate table t (\n    {lines}\n);\n")
         schemas._tables.cache_clear()
         return schemas.fingerprints()["t"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import duckdb
 import pyarrow as pa
 import pytest
 from store_rows import UNIT, commit, confidences
@@ -66,6 +67,21 @@ def test_every_column_has_a_comment_and_its_type(table):
     assert [column.name for column in found] == schemas.arrow_schema(table).names
     assert all(column.comment for column in found)
     assert "create table" in schemas.ddl(table)
+
+
+def test_tables_are_read_as_duckdb_reads_them():
+    with duckdb.connect() as connection:
+        for table in schemas.table_names():
+            connection.execute(schemas.ddl(table))
+        rows = connection.execute(
+            "select table_name, column_name, lower(data_type), is_nullable from duckdb_columns() "
+            "where not internal order by table_name, column_index"
+        ).fetchall()
+    assert rows == [
+        (table, column.name, column.type, schemas.arrow_schema(table).field(column.name).nullable)
+        for table in schemas.table_names()
+        for column in schemas.columns(table)
+    ]
 
 
 def test_comments_and_types_are_read_from_the_ddl():

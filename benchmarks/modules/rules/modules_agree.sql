@@ -4,9 +4,10 @@
 -- cues: tracks
 set variable min_sum_of_confidences = 2;  -- sum: of confidences, each in [0, 1]
 
-select p.proposal_id, sum(c.confidence) as value,
-       getvariable('min_sum_of_confidences')::double as bound,
-       sum(c.confidence) >= getvariable('min_sum_of_confidences') as passed
+with said as (
+    select proposal_id, sum(confidence) as total from confidences group by proposal_id
+)
+select p.proposal_id, s.total as value, getvariable('min_sum_of_confidences')::double as bound,
+       value >= bound as passed
 from proposals p
-left join confidences c using (proposal_id)
-group by p.proposal_id
+left join said s on s.proposal_id = p.proposal_id
