@@ -26,8 +26,8 @@ from tcrdata.tracking.volumes import (
 )
 from tcrdata.types import Float32Array, FloatArray
 
-_BLUR = np.exp(-0.5 * np.arange(-2, 3) ** 2)  # a Gaussian of one voxel, cut at two
-_BLUR /= _BLUR.sum()
+BLUR = np.exp(-0.5 * np.arange(-2, 3) ** 2)  # a Gaussian of one voxel, cut at two
+BLUR /= BLUR.sum()
 
 
 @dataclass(frozen=True)
@@ -250,7 +250,7 @@ def _template(
 
     Nothing is clipped: a template fits its own points best where they are, not beside.
     """
-    volume = blurred(raw, _BLUR)
+    volume = blurred(raw, BLUR)
     own = _fit(volume, places, features)
     volume = np.ascontiguousarray(volume / np.float32(max(own, 1e-9)))
     return Template(raw, volume, first, voxel_m, len(places))
