@@ -46,7 +46,7 @@ def train_flow(
         model: id of the flow model to go on with.
         model_store: store that holds it, when it is another one.
         from_scratch: train a network on generated pairs, whatever the store holds.
-        generated: go on with the network on generated pairs, whose flow is known.
+        generated: go on with the network on larger generated pairs, whose flow is known.
         size: of RAFT: small or full; a file's own when left out.
         losses: of photometric, teacher and occlusion, with commas between; all when left out.
         config: TOML file of settings.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -49,6 +49,11 @@ KIND, NETWORK = "flow", "raft"
 SCRATCH_LOOP = LoopSettings(
     steps=1500, batch=1, learning_rate=4e-4, weight_decay=1e-4, clip=1.0, average=0.995
 )
+LARGER_LOOP = replace(SCRATCH_LOOP, steps=300, learning_rate=2e-4)
+"""Small pairs are cheap, but their coarsest correlations are hardly any: large ones teach those."""
+
+LARGER_PLANES = PlaneSettings(height_px=256, width_px=320, shift_px=4.0, still=0.3)
+LARGER_ITERATIONS = 6
 TAUGHT_LOOP = LoopSettings(
     steps=200, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
 )
@@ -122,19 +127,24 @@ def plan_on_generated(
         size: small or full; of a network from scratch.
         assignments: of the loop (`steps`), `network.iterations`, `planes.shift_px` or
             `known.matching`.
-        start: the row of `models` of the network that goes on learning; None from scratch.
+        start: the row of `models` of the network that goes on learning, on larger pairs; None from
+            scratch.
 
     Raises:
         SettingsError: an unknown name or value.
     """
     grouped = _grouped(assignments, ("network", "planes", "known"))
-    size = start["settings"]["network"]["size"] if start else size or "small"
-    network = settings.overridden(RaftSettings(size, iterations=4), grouped["network"], "network")
+    if start is None:
+        network = RaftSettings(size or "small", iterations=4)
+        loop, planes, known = SCRATCH_LOOP, PlaneSettings(), KnownLossSettings()
+    else:
+        network = RaftSettings(start["settings"]["network"]["size"], LARGER_ITERATIONS)
+        loop, planes, known = LARGER_LOOP, LARGER_PLANES, KnownLossSettings(matching=1.0)
     return FlowRecipe(
-        network,
-        settings.overridden(SCRATCH_LOOP, grouped[""], "train"),
-        settings.overridden(PlaneSettings(), grouped["planes"], "planes"),
-        known=settings.overridden(KnownLossSettings(), grouped["known"], "known"),
+        settings.overridden(network, grouped["network"], "network"),
+        settings.overridden(loop, grouped[""], "train"),
+        settings.overridden(planes, grouped["planes"], "planes"),
+        known=settings.overridden(known, grouped["known"], "known"),
         start=str(start["model_id"]) if start else "",
     )
 
