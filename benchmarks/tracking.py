@@ -3,7 +3,7 @@
 Run as `python benchmarks/tracking.py`. The figure is the least of several runs, beside that of a
 loop over numpy's own trilinear sampling in the same process. With `--store`, which may be given
 several times, `tcrdata track` runs on a copy of each in a process of its own: seconds and peak
-memory, which must not grow with the length of a sequence.
+memory; stores of a short and a long sequence side by side show whether it grows with the length.
 """
 
 from __future__ import annotations
