@@ -55,7 +55,7 @@ LARGER_LOOP = replace(SCRATCH_LOOP, steps=300, learning_rate=2e-4)
 LARGER_PLANES = PlaneSettings(height_px=256, width_px=320, shift_px=4.0, still=0.3)
 LARGER_ITERATIONS = 6
 TAUGHT_LOOP = LoopSettings(
-    steps=200, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
+    steps=100, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
 )
 
 

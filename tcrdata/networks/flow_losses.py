@@ -28,7 +28,8 @@ class FlowLossSettings:
         smoothness: weight of the smoothness beside the photometric loss.
         edge: how much a step in colour lets the flow step.
         photometric: weight; 0 leaves it out.
-        teacher: weight of what the teacher says of its consistent pixels.
+        teacher: weight of what the teacher says of its consistent pixels: its losses are of pixels,
+            the photometric one of colours in [0, 1].
         occlusion: weight of what it says where the student sees nothing.
         cycle_share: alpha 1 of the cycle test.
         cycle_slack_px: alpha 2 of it, px^2.
@@ -40,8 +41,8 @@ class FlowLossSettings:
     smoothness: float = 0.02
     edge: float = 10.0
     photometric: float = 1.0
-    teacher: float = 0.1
-    occlusion: float = 0.1
+    teacher: float = 0.002
+    occlusion: float = 0.002
     cycle_share: float = 0.05
     cycle_slack_px: float = 0.5
 
