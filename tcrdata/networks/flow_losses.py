@@ -12,6 +12,7 @@ import torch
 from torch.nn import functional
 
 from tcrdata.errors import SettingsError
+from tcrdata.networks.raft import STRIDE
 
 SELF_SUPERVISED = ("photometric", "teacher", "occlusion")
 """What can be learnt without truth, one by one or together."""
@@ -154,18 +155,20 @@ def matching_loss(
     Ends between cells count their four neighbours by bilinear shares; ends outside are left out.
 
     Args:
-        features: (B, 2, C, h, w) of both images, a cell each 8 px.
-        flow: (B, 2, 8 h, 8 w) px, from the first to the second.
-        known: (B, 1, 8 h, 8 w): 1 where flow is known.
+        features: (B, 2, C, h, w) of both images, padded to whole cells of 8 px.
+        flow: (B, 2, H, W) px, from the first to the second.
+        known: (B, 1, H, W): 1 where flow is known; a cell with padding is left out.
         sharpness: factor of `<f1, f2> / sqrt(C)` before the softmax.
     """
     height, width = features.shape[-2:]
     first, second = (features[:, number].flatten(2) for number in (0, 1))
     scale = sharpness / features.shape[2] ** 0.5
     log_shares = torch.log_softmax(scale * first.transpose(1, 2) @ second, dim=2)
-    stride = flow.shape[-1] // width
-    moved = functional.avg_pool2d(flow, stride) / stride
-    seen = (functional.avg_pool2d(known, stride) == 1).flatten(1)
+    across, down = STRIDE * width - flow.shape[-1], STRIDE * height - flow.shape[-2]
+    margins = (across // 2, across - across // 2, down // 2, down - down // 2)
+    flow, known = (functional.pad(values, margins) for values in (flow, known))
+    moved = functional.avg_pool2d(flow, STRIDE) / STRIDE
+    seen = (functional.avg_pool2d(known, STRIDE) == 1).flatten(1)
     rows, columns = torch.meshgrid(torch.arange(height), torch.arange(width), indexing="ij")
     x = (columns.to(flow) + moved[:, 0]).flatten(1)
     y = (rows.to(flow) + moved[:, 1]).flatten(1)

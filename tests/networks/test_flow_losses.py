@@ -173,3 +173,11 @@ def test_between_cells_the_four_around_count_and_what_leaves_the_image_does_not(
     outside = matching_loss(moved_features(0), flow + 64, known, 100.0)
     unknown = matching_loss(moved_features(0), flow, 0 * known, 100.0)
     assert outside.item() == unknown.item() == 0
+
+
+def test_an_image_that_is_padded_to_whole_cells_matches_where_no_padding_is() -> None:
+    flow = torch.zeros(1, 2, 60, 62)
+    known = torch.ones(1, 1, 60, 62)
+    right, wrong = (matching_loss(moved_features(n), flow, known, 100.0) for n in (0, 1))
+    assert right.item() < 0.01
+    assert wrong.item() == pytest.approx(100 / 8, rel=1e-3)
