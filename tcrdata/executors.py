@@ -19,7 +19,7 @@ from tcrdata.errors import EvidenceError
 T = TypeVar("T")
 R = TypeVar("R")
 
-PRELOAD = ("tcrdata.evidence.preloading",)
+PRELOAD = ("tcrdata.evidence.preloading", "tcrdata.datasets.kitti", "tcrdata.datasets.frame_counts")
 """Modules imported once, by the server that the workers are forked from."""
 
 _ONE_THREAD = dict.fromkeys(

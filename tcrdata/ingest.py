@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from tcrdata import settings
-from tcrdata.errors import DatasetError, FrameError
+from tcrdata.datasets.frame_counts import counted_frames
+from tcrdata.errors import DatasetError
 from tcrdata.evidence.chunks import chunked
 from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, cue_inputs
 from tcrdata.store import Store, Unit
@@ -38,7 +38,7 @@ def ingest_frames(
     with store.writer(unit, settings_hash=plan.settings_hash(FRAMES), inputs=inputs) as writer:
         writer.append("sequences", _sequence_columns(info, frames))
         tasks = [(dataset, chunk) for chunk in chunked(frames, FRAMES_A_TASK)]
-        for checked in parallel(_checked_frames, tasks):
+        for checked in parallel(counted_frames, tasks):
             writer.append("frames", _frame_columns(checked))
             usable = [(frame, count) for frame, count in checked if frame.status == "ok"]
             writer.append("images", _image_columns([frame for frame, _ in usable]))
@@ -116,21 +116,6 @@ def frame_of_row(row: dict[str, Any], image: str | None, points: str | None) -> 
 
 def _matrix(values: Sequence[float], rows: int) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(values[4 * i : 4 * i + 4]) for i in range(rows))
-
-
-def _checked_frames(task: tuple[Dataset, tuple[Frame, ...]]) -> list[tuple[Frame, int | None]]:
-    """Return each frame with its number of points; unreadable ones with status `error`."""
-    dataset, frames = task
-    checked: list[tuple[Frame, int | None]] = []
-    for frame in frames:
-        count: int | None = None
-        if frame.status == "ok":
-            try:
-                count = len(dataset.read_points(frame))
-            except FrameError as error:
-                frame = replace(frame, status="error", error=str(error))
-        checked.append((frame, count))
-    return checked
 
 
 def _is_fault(frame: Frame) -> bool:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numba
 import numpy as np
 
 from tcrdata.errors import FrameError
+from tcrdata.geometry.kernels import kernel
 from tcrdata.types import Float32Array, FloatArray
 
 _COLUMNS = ("x", "y", "z", "reflectance")
@@ -68,7 +68,7 @@ def to_level(points: Float32Array, level_T_sensor: FloatArray) -> Float32Array:
 
 
 # One term after the other: a matrix product would round as the threads share it out.
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@kernel(nogil=True, error_model="numpy")
 def _transform(points: Float32Array, matrix: Float32Array, result: Float32Array) -> None:
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
-
-import numba
-
-Function = TypeVar("Function", bound=Callable[..., Any])
+from tcrdata.geometry.kernels import kernel
 
 # Without Python's checks for division by zero, loops become vector instructions.
-compiled: Callable[[Function], Function] = numba.njit(cache=True, nogil=True, error_model="numpy")
+compiled = kernel(nogil=True, error_model="numpy")

@@ -1,4 +1,8 @@
-"""The path of a LiDAR by KISS-ICP (Vizzo et al., RA-L 2023), one sweep after another."""
+"""The path of a LiDAR by KISS-ICP (Vizzo et al., RA-L 2023), one sweep after another.
+
+The steps are those of the library's compiled core. Its Python layer says the same around readers
+of configuration files, whose import takes longer than the registration of five sweeps.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,9 @@ import numpy as np
 
 from tcrdata.evidence.alignment import share_with_neighbour
 from tcrdata.types import Float32Array, FloatArray
+
+# What the library has by default.
+FIRST_THRESHOLD_M, LEAST_MOTION_M, MOST_ITERATIONS = 2.0, 0.1, 500
 
 FIRST_STRIDE = 8
 """Of the second sweep every so manieth point is tried: thousands are left."""
@@ -37,19 +44,7 @@ class LidarPath:
                 it: a drive may begin at any speed, and registration finds only what is near.
             first_spacing_m: the places tried are this far apart.
         """
-        from kiss_icp.config import KISSConfig
-        from kiss_icp.kiss_icp import KissICP
-
-        config = KISSConfig()
-        config.data.deskew = False
-        config.data.min_range = 0.0
-        config.data.max_range = furthest_m
-        config.mapping.voxel_size = voxel_m
-        config.mapping.max_points_per_voxel = voxel_points
-        config.registration.convergence_criterion = convergence
-        # Threads would add up in another order on every run.
-        config.registration.max_num_threads = 1
-        self._odometry: Any = KissICP(config)
+        self._odometry = _Odometry(furthest_m, voxel_m, voxel_points, convergence)
         self._first_step_m = first_step_m
         self._first_spacing_m = first_spacing_m
         self._first_sweep: Float32Array | None = None
@@ -73,7 +68,7 @@ class LidarPath:
         elif abs(interval - 1.0) > 0.5:
             self._odometry.last_delta = motion_power(self._odometry.last_delta, interval)
         self._sweeps += 1
-        self._odometry.register_frame(xyz.astype(np.float64), np.empty(0))
+        self._odometry.register(xyz.astype(np.float64))
         return np.array(self._odometry.last_pose)
 
     def _first_motion(self, before: Float32Array, now: Float32Array) -> FloatArray:
@@ -92,6 +87,47 @@ class LidarPath:
         motion = np.eye(4)
         motion[2, 3] = steps[int(np.argmax(shares))] * self._first_spacing_m
         return motion
+
+
+class _Odometry:
+    """One sweep after another is registered to the map of those before it.
+
+    Attributes:
+        last_pose: (4, 4) world_T_level of the last sweep.
+        last_delta: (4, 4) its motion since the sweep before, by which the next is predicted.
+    """
+
+    def __init__(
+        self, furthest_m: float, voxel_m: float, voxel_points: int, convergence: float
+    ) -> None:
+        from kiss_icp.pybind import kiss_icp_pybind as core
+
+        # Threads would add up in another order on every run.
+        threads = 1
+        self._core: Any = core
+        self._voxel_m = voxel_m
+        self._near: Any = core._Preprocessor(furthest_m, 0.0, False, threads)
+        self._threshold: Any = core._AdaptiveThreshold(
+            FIRST_THRESHOLD_M, LEAST_MOTION_M, furthest_m
+        )
+        self._registration: Any = core._Registration(MOST_ITERATIONS, convergence, threads)
+        self._map: Any = core._VoxelHashMap(voxel_m, furthest_m, voxel_points)
+        self.last_pose: FloatArray = np.eye(4)
+        self.last_delta: FloatArray = np.eye(4)
+
+    def register(self, xyz: FloatArray) -> None:
+        """Register (N, 3) points, and add them to the map."""
+        core = self._core
+        near = self._near._preprocess(core._Vector3dVector(xyz), np.empty(0), self.last_delta)
+        mapped = core._voxel_down_sample(near, self._voxel_m * 0.5)
+        source = core._voxel_down_sample(mapped, self._voxel_m * 1.5)
+        sigma = self._threshold._compute_threshold()
+        guess = self.last_pose @ self.last_delta
+        pose = self._registration._align_points_to_map(source, self._map, guess, 3 * sigma, sigma)
+        self._threshold._update_model_deviation(np.linalg.inv(guess) @ pose)
+        self._map._update(mapped, pose)
+        self.last_delta = np.linalg.inv(self.last_pose) @ pose
+        self.last_pose = pose
 
 
 def motion_power(motion: FloatArray, exponent: float) -> FloatArray:

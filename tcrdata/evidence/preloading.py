@@ -1,23 +1,30 @@
-"""What workers are forked with: the cues' libraries imported, the compiler set up.
+"""What workers are forked with: libraries and cues imported, the compiler set up.
 
 The server that forks the workers imports this by name, and nothing else does: it is the one module
-that works when it is imported, since that is all such a server can be asked to do.
+that works when it is imported, since that is all such a server can be asked to do. It has what
+every build from sweeps or depth images begins with: no worker waits for what another preset reads.
 """
 
 from __future__ import annotations
 
-import kiss_icp.kiss_icp  # noqa: F401
-import numpy as np
-import pypatchworkpp  # noqa: F401
-import scipy.linalg
-import scipy.ndimage
-import scipy.optimize
-import scipy.spatial.transform  # noqa: F401
+import gc
 
-from tcrdata import registry
-from tcrdata.evidence.alignment import sort_by_cell
+# Nothing that is imported is garbage, and workers share it: looking through it again and again
+# takes time, and takes their own copy of every page.
+gc.disable()
 
-for _cue in registry.names("evidence"):
-    registry.find("evidence", _cue)
+import kiss_icp.pybind.kiss_icp_pybind  # noqa: E402, F401
+import numpy as np  # noqa: E402
+import pypatchworkpp  # noqa: E402, F401
+import scipy.linalg.lapack  # noqa: E402
+import scipy.ndimage  # noqa: E402
+import scipy.optimize  # noqa: E402, F401
+
+import tcrdata.evidence.tracks  # noqa: E402, F401
+from tcrdata.evidence.alignment import sort_by_cell  # noqa: E402
+
 # The first call of any kernel sets up the compiler: once here instead of in every worker.
 sort_by_cell(np.zeros((1, 3), np.float32), 1.0)
+
+gc.freeze()
+gc.enable()

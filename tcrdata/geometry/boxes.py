@@ -7,18 +7,16 @@ its length runs along (cos yaw, -sin yaw) and its width along (sin yaw, cos yaw)
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
-import numba
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from tcrdata.geometry.kernels import kernel
 from tcrdata.types import BoolArray, FloatArray
 
-_Function = TypeVar("_Function", bound=Callable[..., object])
-_compiled: Callable[[_Function], _Function] = numba.njit(cache=True)
+_compiled = kernel()
 
 _ANGLES = 90
 _CORNER_SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])

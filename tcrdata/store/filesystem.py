@@ -171,6 +171,10 @@ class Filesystem:
 
     def is_empty(self) -> bool:
         """Whether nothing lies at the root but what a killed writer may leave."""
+        if self.is_local:
+            with suppress(FileNotFoundError):
+                return set(os.listdir(self.root)) <= {TEMPORARY}  # noqa: PTH208
+            return True
         if not self.fs.exists(self.root):
             return True
         names = {path.rstrip("/").rpartition("/")[2] for path in self.fs.ls(self.root, False)}

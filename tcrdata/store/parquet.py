@@ -104,9 +104,13 @@ class ParquetHandle:
         there = self._file.schema_arrow.names
         if absent := [name for name in columns if name not in there]:
             raise other_columns(self._table, self.path, f"no {absent[0]}")
+        wanted_schema = pa.schema([arrow_schema(self._table).field(name) for name in columns])
         with self._lock, damage_errors(self.path):
             if is_heavy(self._table) and equals:
-                rows = self._file.read_row_groups(self._matching_groups(equals), list(columns))
+                groups = self._matching_groups(equals)
+                if not groups:
+                    return pa.Table.from_batches([], schema=wanted_schema)
+                rows = self._file.read_row_groups(groups, list(columns))
             else:
                 wanted = list(dict.fromkeys([*columns, *equals]))
                 rows = self._file.read(wanted)
@@ -115,7 +119,6 @@ class ParquetHandle:
                         rows, _rows_by_values(rows, tuple(equals)).get(_key(rows, equals), [])
                     )
                 rows = rows.select(list(columns))
-        wanted_schema = pa.schema([arrow_schema(self._table).field(name) for name in columns])
         return rows if rows.schema == wanted_schema else rows.cast(wanted_schema)
 
     def _matching_groups(self, equals: Mapping[str, Any]) -> list[int]:
@@ -199,12 +202,21 @@ def _key(rows: pa.Table, equals: Mapping[str, Any]) -> tuple[Any, ...]:
     """
     for name, value in equals.items():
         kind = rows.schema.field(name).type
+        if _plainly_holds(kind, value):
+            continue
         try:
             if array_of(kind, [value]) is None:
                 pa.scalar(value, type=kind)
         except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError) as error:
             raise SchemaError(f"column {name} cannot equal {value!r}: {error}") from error
     return tuple(equals.values())
+
+
+def _plainly_holds(kind: pa.DataType, value: Any) -> bool:
+    """Whether a column can surely hold a value: what nearly every look at a heavy row asks for."""
+    if type(value) is str:
+        return bool(pa.types.is_string(kind))
+    return type(value) is int and bool(pa.types.is_int32(kind)) and 0 <= value < 2**31
 
 
 def _slices(rows: pa.Table, numbers: list[int]) -> pa.Table:

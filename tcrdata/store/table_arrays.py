@@ -20,13 +20,13 @@ _Number = TypeVar("_Number", np.float64, np.int64, np.uint8)
 
 def numbers(column: pa.ChunkedArray) -> FloatArray:
     """Return (N,) float64 of a numeric column; NaN for NULL."""
-    whole = _whole(_as(column, pa.float64()))
+    whole = _whole(column)
     return np.where(_validity(whole), _values(whole, np.float64), np.nan)
 
 
 def whole_numbers(column: pa.ChunkedArray) -> IntArray:
     """Return (N,) int64 of a column of whole numbers without NULL."""
-    return _values(_whole(_as(column, pa.int64())), np.int64)
+    return _values(_whole(column), np.int64)
 
 
 def truths(column: pa.ChunkedArray) -> BoolArray:
@@ -85,11 +85,6 @@ def _whole(column: pa.ChunkedArray) -> pa.Array:
     return pa.concat_arrays([pa.nulls(0, column.type), *column.chunks])
 
 
-def _as(column: pa.ChunkedArray, kind: pa.DataType) -> pa.ChunkedArray:
-    """Return a column as one of a type; where it is already, Arrow's functions are not imported."""
-    return column if column.type == kind else column.cast(kind)
-
-
 def _validity(array: pa.Array) -> BoolArray:
     """Return which values are there."""
     buffer = array.buffers()[0]
@@ -100,8 +95,13 @@ def _validity(array: pa.Array) -> BoolArray:
 
 
 def _values(array: pa.Array, kind: type[_Number]) -> NDArray[_Number]:
-    """Return the numbers of an array of that kind: anything where it has NULL."""
+    """Return the values of an array as numbers of a kind: anything where it has NULL."""
+    own = array.type
+    if not (pa.types.is_integer(own) or pa.types.is_floating(own)):
+        # Arrow's functions, whose import takes longer than most tables.
+        array, own = array.cast(pa.from_numpy_dtype(kind)), pa.from_numpy_dtype(kind)
     buffer = array.buffers()[1]
     if buffer is None:
         return np.empty(0, kind)
-    return np.frombuffer(buffer, kind)[array.offset : array.offset + len(array)]
+    values = np.frombuffer(buffer, own.to_pandas_dtype())[array.offset : array.offset + len(array)]
+    return values.astype(kind, copy=False)

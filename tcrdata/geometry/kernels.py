@@ -1,0 +1,58 @@
+"""Kernels: loops over arrays, compiled when one is first called and cached on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, cached_property, update_wrapper
+from typing import Any, TypeVar, cast
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class Kernel:
+    """A function that numba compiles at its first call: a process that calls none never loads it.
+
+    A kernel may call others, which are compiled with it.
+    """
+
+    def __init__(self, function: Callable[..., Any], options: dict[str, Any]) -> None:
+        """Compile nothing yet.
+
+        Args:
+            function: of scalars and arrays.
+            options: of `numba.njit`.
+        """
+        self._function = function
+        self._options = options
+        update_wrapper(self, function)
+
+    @cached_property
+    def dispatcher(self) -> Any:
+        """What numba makes of the function."""
+        return _numba().njit(cache=True, **self._options)(self._function)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function."""
+        return self.dispatcher(*arguments)
+
+
+def kernel(**options: Any) -> Callable[[Function], Function]:
+    """Return a decorator that makes kernels with these options of `numba.njit`."""
+
+    def decorate(function: Function) -> Function:
+        return cast(Function, Kernel(function, options))
+
+    return decorate
+
+
+@cache
+def _numba() -> Any:
+    """Return numba, told that a kernel within another stands for what is compiled of it."""
+    import numba
+    from numba.extending import typeof_impl
+
+    @typeof_impl.register(Kernel)  # type: ignore[untyped-decorator]
+    def _type_of(value: Kernel, _: Any) -> Any:
+        return numba.types.Dispatcher(value.dispatcher)
+
+    return numba
