@@ -123,8 +123,9 @@ class KittiDataset:
         """
         if frame.points_path is None:
             raise FrameError(f"frame {frame.frame} of '{frame.sequence}' has no sweep")
-        points = read_sweep(Path(self.root) / frame.points_path, frame.frame)
-        return PointCloud(to_level(points, frame.sensor_matrix), np.ascontiguousarray(points[:, 3]))
+        path = Path(self.root) / frame.points_path
+        points = read_sweep(path, frame.frame)
+        return PointCloud(*to_level(points, frame.sensor_matrix, frame.frame, path.name))
 
     def read_image(self, frame: Frame) -> ImageArray:
         """Return the (H, W, 3) RGB image of the left colour camera.

@@ -32,7 +32,7 @@ def read_sweep(path: Path, frame: int) -> Float32Array:
     """Return (N, 4) float32: x, y, z in the Velodyne's frame (m) and reflectance in [0, 1].
 
     Raises:
-        FrameError: the sweep is missing, cut short, empty, or a number in it is not finite.
+        FrameError: the sweep is missing, cut short or empty.
     """
     try:
         values = np.fromfile(path, dtype=np.uint8)
@@ -41,37 +41,58 @@ def read_sweep(path: Path, frame: int) -> Float32Array:
     wrong = size_error(path.name, len(values))
     if wrong:
         raise FrameError(f"frame {frame}: {wrong}")
-    points = values.view("<f4").astype(np.float32, copy=False).reshape(-1, len(_COLUMNS))
-    # One pass over all; NaN, too, comes out as no number below the largest.
-    if points.min() > -_LARGEST_M and points.max() < _LARGEST_M:
-        return points
+    return values.view("<f4").astype(np.float32, copy=False).reshape(-1, len(_COLUMNS))
+
+
+def to_level(
+    points: Float32Array, level_T_sensor: FloatArray, frame: int, name: str
+) -> tuple[Float32Array, Float32Array]:
+    """Return (N, 3) positions in the level frame (m) and (N,) reflectances of a sweep's points.
+
+    Args:
+        points: (N, 4) x, y, z, reflectance in the Velodyne's frame.
+        level_T_sensor: (4, 4), Velodyne to level frame.
+        frame: number of the frame, for errors.
+        name: of the sweep, for errors.
+
+    Raises:
+        FrameError: a number is not finite.
+    """
+    xyz = np.empty((len(points), 3), np.float32)
+    reflectance = np.empty(len(points), np.float32)
+    limit = np.float32(_LARGEST_M)
+    if not _split(points, level_T_sensor[:3].astype(np.float32), limit, xyz, reflectance):
+        raise FrameError(f"frame {frame}: sweep {name}: {_wrong_numbers(points)}; fetch it again")
+    return xyz, reflectance
+
+
+def _wrong_numbers(points: Float32Array) -> str:
     for column, name in enumerate(_COLUMNS):
         bad = np.count_nonzero(~(np.abs(points[:, column]) < _LARGEST_M))
         if bad:
-            raise FrameError(
-                f"frame {frame}: sweep {path.name}: {bad} of {len(points)} points have no finite "
-                f"{name} below {_LARGEST_M:g}; fetch it again"
-            )
-    return points
+            break
+    return f"{bad} of {len(points)} points have no finite {name} below {_LARGEST_M:g}"
 
 
-def to_level(points: Float32Array, level_T_sensor: FloatArray) -> Float32Array:
-    """Return (N, 3) positions in the level frame (m) of the (N, 4) points of a sweep.
-
-    Args:
-        points: x, y, z, reflectance in the Velodyne's frame.
-        level_T_sensor: (4, 4), Velodyne to level frame.
-    """
-    result = np.empty((len(points), 3), dtype=np.float32)
-    _transform(points, level_T_sensor[:3].astype(np.float32), result)
-    return result
-
-
-# One term after the other: a matrix product would round as the threads share it out.
+# One pass over all: sweeps are read again and again. One term after the other: a matrix product
+# would round as the threads share it out.
 @kernel(nogil=True, error_model="numpy")
-def _transform(points: Float32Array, matrix: Float32Array, result: Float32Array) -> None:
+def _split(
+    points: Float32Array,
+    matrix: Float32Array,
+    limit: np.float32,
+    xyz: Float32Array,
+    reflectance: Float32Array,
+) -> bool:
+    """Fill in the level positions and reflectances; return whether all numbers are finite."""
+    bad = 0
     for i in range(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        x, y, z, shine = points[i, 0], points[i, 1], points[i, 2], points[i, 3]
+        # NaN, too, is not below the limit.
+        fine = (abs(x) < limit) & (abs(y) < limit) & (abs(z) < limit) & (abs(shine) < limit)
+        bad += not fine
         for row in range(3):
             turned = (matrix[row, 0] * x + matrix[row, 1] * y) + matrix[row, 2] * z
-            result[i, row] = turned + matrix[row, 3]
+            xyz[i, row] = turned + matrix[row, 3]
+        reflectance[i] = shine
+    return bad == 0

@@ -22,6 +22,7 @@ from tcrdata.evidence.point_rows import (
     error_rows,
     read_encoded,
 )
+from tcrdata.evidence.reach import solid_within
 from tcrdata.geometry.transforms import inverse
 from tcrdata.types import (
     CueInput,
@@ -175,13 +176,12 @@ def _usable(direction: _Direction, frame: Frame, cloud: PointCloud) -> Float32Ar
     if direction.sensor == "depth":
         return cloud.xyz
     settings = direction.settings
-    xyz = cloud.xyz
+    ground = np.zeros(len(cloud), np.bool_)
     if frame.frame in direction.ground:
-        xyz = xyz[~decode_matching(direction.ground[frame.frame], len(cloud))]
-    offsets = xyz - frame.sensor_matrix[:3, 3].astype(np.float32)
-    squares = np.einsum("ij,ij->i", offsets, offsets)
-    kept = (squares >= settings.nearest_m**2) & (squares <= settings.furthest_m**2)
-    return np.asarray(xyz[kept])
+        ground = decode_matching(direction.ground[frame.frame], len(cloud))
+    sensor = frame.sensor_matrix[:3, 3]
+    kept = solid_within(cloud.xyz, ground, sensor, settings.nearest_m, settings.furthest_m)
+    return cloud.xyz.take(kept, axis=0)
 
 
 def _links(

@@ -117,7 +117,10 @@ def _check(chunk: _Chunk) -> tuple[Rows, dict[int, str]]:
 def _sweep(chunk: _Chunk, number: int) -> _Sweep:
     xyz = chunk.dataset.read_points(chunk.frames[number]).xyz
     ground = chunk.ground.get(number)
-    return _Sweep(xyz, xyz if ground is None else xyz[~decode_matching(ground, len(xyz))])
+    if ground is None:
+        return _Sweep(xyz, xyz)
+    # Several times as fast as a mask in brackets.
+    return _Sweep(xyz, np.compress(~decode_matching(ground, len(xyz)), xyz, axis=0))
 
 
 def _row(chunk: _Chunk, link: Link, kept: dict[int, _Sweep]) -> dict[str, object]:

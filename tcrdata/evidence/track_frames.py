@@ -144,7 +144,7 @@ def _look(task: ChunkTask, item: FrameTask, xyz: Float32Array) -> list[BoxLook |
     image = range_image(xyz, grid)
     evidence = _evidence(item, len(xyz))
     solid = np.flatnonzero(evidence["ground"] == 0)
-    view = _View(task, xyz, image, grid, solid, xyz[solid])
+    view = _View(task, xyz, image, grid, solid, xyz.take(solid, axis=0))
     shown = [
         view.show(box, chosen, least)
         for box, chosen, least in zip(item.boxes, item.indices, item.least_points, strict=True)
