@@ -10,6 +10,7 @@ DEMO ?= demo-out
 .DELETE_ON_ERROR:
 
 setup: $(STAMP) $(WARM)
+	@$(BIN)/python -m compileall -q tcrdata
 
 $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv .venv

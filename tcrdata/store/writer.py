@@ -52,9 +52,11 @@ class Writer:
         if not is_heavy(table):
             self._buffer(table, rows)
             return
-        for row in range(rows.num_rows):
+        while rows.num_rows:
             growing = self._growing.get(table) or self._grow(table)
-            growing.write(rows.slice(row, 1))
+            room = ROWS_A_HEAVY_FILE - growing.rows
+            growing.write(rows.slice(0, room))
+            rows = rows.slice(room)
             if growing.rows == ROWS_A_HEAVY_FILE:
                 self._finish(self._growing.pop(table))
 
