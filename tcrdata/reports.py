@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import QueryError, SettingsError
@@ -30,13 +32,41 @@ def run_report(
         SettingsError: the file sets no variable of that name.
         QueryError: the select does not run; names the file.
     """
-    import duckdb
+    path, select = _made_ready(connection, name, parameters, folder)
+    with _query_errors(path):
+        return connection.sql(select)
 
+
+def report_rows(
+    connection: duckdb.DuckDBPyConnection, name: str, parameters: Mapping[str, Any] | None = None
+) -> list[dict[str, Any]]:
+    """Run a report and return its rows by column name; see `run_report`.
+
+    A relation would bind the select twice: to say its columns, and to run it.
+    """
+    path, select = _made_ready(connection, name, parameters, "reports")
+    with _query_errors(path):
+        return plain_rows(connection.execute(select))
+
+
+def plain_rows(result: duckdb.DuckDBPyConnection) -> list[dict[str, Any]]:
+    """Return the rows of what a connection has just executed, by column name."""
+    names = [column[0] for column in result.description or ()]
+    return [dict(zip(names, row, strict=True)) for row in result.fetchall()]
+
+
+def _made_ready(
+    connection: duckdb.DuckDBPyConnection,
+    name: str,
+    parameters: Mapping[str, Any] | None,
+    folder: str,
+) -> tuple[Path, str]:
+    """Set the variables of a file; return its path and its select."""
     path = resource_folder("queries") / folder / f"{name}.sql"
     *setters, select = connection.extract_statements(path.read_text(encoding="utf-8"))
     for setter in setters:
         connection.execute(setter)
-    known = variables(connection)
+    known = variables(connection) if parameters else {}
     for parameter, value in (parameters or {}).items():
         if parameter not in known:
             raise SettingsError(
@@ -44,8 +74,15 @@ def run_report(
             )
         if value is not None:
             connection.execute(f"set variable {parameter} = ?", [value])
+    return path, select.query
+
+
+@contextmanager
+def _query_errors(path: Path) -> Iterator[None]:
+    import duckdb
+
     try:
-        return connection.sql(select.query)
+        yield
     except duckdb.Error as error:
         line = str(error).splitlines()[0]
         raise QueryError(f"{path}: {line}: restore the file or correct its SQL") from error

@@ -53,8 +53,8 @@ def why(
     if (proposal is None) is not pointed or (proposal and (frame is not None or at is not None)):
         raise SettingsError("name a proposal by its id, or point at one: --frame F --at X,Z")
     chosen = selected(opened, selection)
-    (row,) = opened.read("selections", dataset="_", sequence=chosen).to_pylist()
     drives = Drives(opened)
+    row = drives.selection(chosen)
     if proposal is not None:
         found = find_by_id(drives, row, proposal)
     else:

@@ -67,11 +67,13 @@ def to_level(
 
 
 def _wrong_numbers(points: Float32Array) -> str:
-    for column, name in enumerate(_COLUMNS):
-        bad = np.count_nonzero(~(np.abs(points[:, column]) < _LARGEST_M))
-        if bad:
-            break
-    return f"{bad} of {len(points)} points have no finite {name} below {_LARGEST_M:g}"
+    """What is wrong with points of which a number is not finite: of the first such column."""
+    wrong = (~(np.abs(points) < _LARGEST_M)).sum(axis=0)
+    column = int(np.argmax(wrong > 0))
+    return (
+        f"{wrong[column]} of {len(points)} points have no finite {_COLUMNS[column]} "
+        f"below {_LARGEST_M:g}"
+    )
 
 
 # One pass over all: sweeps are read again and again. One term after the other: a matrix product

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import SettingsError
-from tcrdata.inspection.selected_views import connect_selections, report_rows, selection_rows
+from tcrdata.inspection.selected_views import connect_selections, selection_rows
+from tcrdata.reports import report_rows
 
 if TYPE_CHECKING:
     from tcrdata.store import Store

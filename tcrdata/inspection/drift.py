@@ -8,7 +8,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.inspection.diff import diff
-from tcrdata.inspection.selected_views import report_rows
+from tcrdata.reports import report_rows
 
 if TYPE_CHECKING:
     from tcrdata.store import Store

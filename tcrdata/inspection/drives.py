@@ -3,25 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
+from itertools import count
 from typing import Any
 
 import duckdb
 
+from tcrdata.reports import plain_rows
 from tcrdata.rules import checks_view_sql
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.rounds import MEASURED, rounds_read
 from tcrdata.store import FileEntry, Snapshot, Store
+from tcrdata.store.commits import ANY_DATASET
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import connect, create_views
 
 
 class Drives:
-    """The drives of a store as its selections saw them. Reads each snapshot once."""
+    """The drives of a store as its selections saw them. Reads each snapshot once.
+
+    Reads with DuckDB alone: nobody who asks waits for the import of Arrow.
+    """
 
     def __init__(self, store: Store) -> None:
         self.store = store
         self._files = Filesystem(store.url)
         self._snapshots: dict[tuple[str, tuple[str, str] | None], Snapshot] = {}
+        self._numbers = count()
+        self._schemas: dict[tuple[str, int, str, str], str] = {}
+
+    def selection(self, selection_id: str) -> dict[str, Any]:
+        """Return a selection's row of `selections`."""
+        (row,) = self._selections(ANY_DATASET, selection_id)
+        return row
 
     def names(self, selection: Mapping[str, Any]) -> list[tuple[str, str]]:
         """Return dataset and sequence of every drive of which a selection read proposals."""
@@ -49,19 +63,22 @@ class Drives:
             **self._evidence(selection, dataset, sequence),
             "selections": self.store.files("selections", dataset=dataset, sequence=sequence),
         }
-        connection = connect(self._files, tables, {}, bundled=False)
+        connection = self._database.cursor()
+        schema = f"drive_{next(self._numbers)}"
+        create_views(connection, self._files, tables, {}, schema, bundled=False)
         labels = {"labels": self.store.files("labels", dataset=dataset, sequence=sequence)}
-        create_views(connection, self._files, labels, {}, "of_any_drive", bundled=False)
+        create_views(connection, self._files, labels, {}, f"{schema}_and_others", bundled=False)
         # Names of drives hold no quotes: the store allows letters, digits and few signs.
         own = f"dataset = '{dataset}' and sequence = '{sequence}'"
-        views = {"labels": f"select * from of_any_drive.labels where {own}"}
-        create_views(connection, self._files, {}, views, bundled=False)
+        views = {"labels": f"select * from {schema}_and_others.labels where {own}"}
+        create_views(connection, self._files, {}, views, schema, bundled=False)
+        connection.execute(f"use {schema}")
+        self._schemas[selection["snapshot"], selection["round"], dataset, sequence] = schema
         return connection
 
     def selections(self, dataset: str, sequence: str, round: int) -> list[dict[str, Any]]:
         """Return the rows of `selections` of a round, found through one drive's records."""
-        rows = self.store.read("selections", dataset=dataset, sequence=sequence).to_pylist()
-        return [row for row in rows if row["round"] == round]
+        return [row for row in self._selections(dataset, sequence) if row["round"] == round]
 
     def judge(
         self,
@@ -83,26 +100,44 @@ class Drives:
             track_id: whose proposals are judged in all frames; None for no track.
         """
         parts = []
-        for number, snapshot in enumerate(sorted({row["snapshot"] for row in selections})):
+        (schema,) = connection.execute("select current_schema()").fetchall()[0]
+        connection.execute("drop table if exists checks")
+        for snapshot in sorted({row["snapshot"] for row in selections}):
             rows = [row for row in selections if row["snapshot"] == snapshot]
-            evidence = self._evidence(rows[0], *place)
-            read, judged = f"read_{number}", f"judged_{number}"
-            for schema in (judged, read):
-                connection.execute(f"drop schema if exists {schema} cascade")
-            create_views(connection, self._files, evidence, {}, read, bundled=False)
+            read, judged = self._reading(rows[0], *place), f"judged_{next(self._numbers)}"
             connection.execute(f"create schema {judged}")
             connection.execute(
                 f"create table {judged}.proposals as "
                 f"select * from {read}.proposals where frame = $1 or track_id = $2",
                 [frame, track_id],
             )
-            others = [table for table in evidence if table != "proposals"]
-            views = {table: f"from {read}.{table}" for table in others}
-            one_round = rows[0]["round"] == MEASURED
-            views["checks"] = checks_view_sql(rows, one_round=one_round)
-            create_views(connection, self._files, {}, views, judged, bundled=False)
+            # The rest is that of the snapshot.
+            connection.execute(f"set search_path = '{judged},{read}'")
+            checks = checks_view_sql(rows, one_round=rows[0]["round"] == MEASURED)
+            connection.execute(f"create table {judged}.checks as {checks}")
+            connection.execute(f"set search_path = '{schema}'")
             parts.append(f"from {judged}.checks")
-        connection.execute(f"create or replace table checks as {' union all '.join(parts)}")
+        connection.execute(f"create table checks as {' union all '.join(parts)}")
+
+    def _reading(self, selection: Mapping[str, Any], dataset: str, sequence: str) -> str:
+        """The schema of the evidence of a drive that a selection read; made if it is not there."""
+        asked = (selection["snapshot"], selection["round"], dataset, sequence)
+        if asked not in self._schemas:
+            schema = self._schemas[asked] = f"drive_{next(self._numbers)}"
+            evidence = self._evidence(selection, dataset, sequence)
+            create_views(self._database, self._files, evidence, {}, schema, bundled=False)
+        return self._schemas[asked]
+
+    @cached_property
+    def _database(self) -> duckdb.DuckDBPyConnection:
+        """One for all drives, each in a schema of its own."""
+        return connect(self._files, {}, {}, bundled=False)
+
+    def _selections(self, dataset: str, sequence: str) -> list[dict[str, Any]]:
+        schema = f"selections_{next(self._numbers)}"
+        files = {"selections": self.store.files("selections", dataset=dataset, sequence=sequence)}
+        create_views(self._database, self._files, files, {}, schema, bundled=False)
+        return plain_rows(self._database.execute(f"from {schema}.selections"))
 
     def _snapshot(
         self, selection: Mapping[str, Any], drive: tuple[str, str] | None = None

@@ -11,7 +11,7 @@ import duckdb
 
 from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.inspection.drives import Drives
-from tcrdata.reports import run_report
+from tcrdata.reports import report_rows
 
 _NEAR = 3
 
@@ -58,9 +58,10 @@ def find_by_id(drives: Drives, selection: Mapping[str, Any], proposal_id: str) -
     if not drives.holds(selection, dataset, sequence):
         raise _no_drive(drives, selection, f"{dataset}/{sequence}")
     connection = drives.connection(selection, dataset, sequence)
-    near = run_report(connection, "why_near_ids", {"asked_id": proposal_id}).fetchall()
-    if (proposal_id,) not in near:
-        names = ", ".join(name for (name,) in near) or "none"
+    asked = report_rows(connection, "why_near_ids", {"asked_id": proposal_id})
+    near = [str(name) for row in asked for name in row.values()]
+    if proposal_id not in near:
+        names = ", ".join(near) or "none"
         raise MissingEvidenceError(
             f"{drives.store.url}: selection '{selection['name']}' judged no proposal "
             f"'{proposal_id}'; near: {names}; {_how_to_list(drives)}"
@@ -97,7 +98,7 @@ def find_by_place(
         "asked_x_m": x,
         "asked_z_m": z,
     }
-    rows = run_report(connection, "why_nearest", parameters).to_arrow_table().to_pylist()
+    rows = report_rows(connection, "why_nearest", parameters)
     if not rows:
         first, last = connection.execute("select min(frame), max(frame) from proposals").fetchall()[
             0

@@ -9,7 +9,7 @@ from decimal import Decimal
 
 import duckdb
 
-from tcrdata.reports import run_report
+from tcrdata.reports import report_rows
 from tcrdata.rules import RuleText
 from tcrdata.rules.binding import EVIDENCE_TABLES, KEY_COLUMNS
 from tcrdata.rules.scopes import scoped
@@ -20,14 +20,19 @@ _NUMBERS = ("DOUBLE", "INTEGER")
 _TRIED = "tried_"  # before a table's name: what of it concerns the proposal, in memory
 
 
-def hold_ready(connection: duckdb.DuckDBPyConnection, proposal_id: str) -> None:
+def hold_ready(
+    connection: duckdb.DuckDBPyConnection, proposal_id: str, rules: Sequence[RuleText]
+) -> None:
     """Copy into memory what `passing_value` tries rules on.
 
     Args:
         connection: views of one drive's evidence that the selection read.
         proposal_id: the proposal.
+        rules: that are tried.
     """
     for table in EVIDENCE_TABLES:
+        if not any(_names(rule, table) for rule in rules):
+            continue
         own = "where proposal_id = $1" if _has_id(table) else ""
         connection.execute(
             f"create or replace temp table {_TRIED}{table} as select * from {table} {own}",
@@ -73,8 +78,11 @@ def passing_value(
         f"with tried_values(text, tried_value, place, few_digits) as (values {', '.join(values)})\n"
         + "\nunion all\n".join(branches)
     )
-    rows = run_report(connection, "why_trials", {"trials": trials}).fetchall()
-    return (str(rows[0][0]), str(rows[0][1])) if rows else None
+    rows = report_rows(connection, "why_trials", {"trials": trials})
+    if not rows:
+        return None
+    parameter, value, *_ = rows[0].values()
+    return str(parameter), str(value)
 
 
 def _values(
@@ -101,7 +109,7 @@ def _names(rule: RuleText, name: str) -> bool:
 
 
 def _has_id(table: str) -> bool:
-    return "proposal_id" in schemas.arrow_schema(table).names
+    return any(column.name == "proposal_id" for column in schemas.columns(table))
 
 
 def _columns_read(

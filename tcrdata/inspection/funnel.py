@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tcrdata.inspection.selected_views import connect_selections, report_rows, selection_rows
+from tcrdata.inspection.selected_views import connect_selections, selection_rows
+from tcrdata.reports import report_rows
 
 if TYPE_CHECKING:
     from tcrdata.store import Store

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from tcrdata.reports import run_report
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.checks import verdicts_view_sql
 from tcrdata.rules.verdicts import columns_read
@@ -22,14 +21,6 @@ def selection_rows(store: Store, *selection_ids: str) -> list[dict[str, Any]]:
     """Return the rows of `selections` with these ids, in their order."""
     rows = {row["selection_id"]: row for row in store.read("selections").to_pylist()}
     return [rows[selection_id] for selection_id in selection_ids]
-
-
-def report_rows(
-    connection: duckdb.DuckDBPyConnection, report: str, parameters: Mapping[str, Any] | None = None
-) -> list[dict[str, Any]]:
-    """Run a report and return its rows by column name."""
-    relation = run_report(connection, report, parameters)
-    return [dict(zip(relation.columns, row, strict=True)) for row in relation.fetchall()]
 
 
 def connect_selections(

@@ -11,7 +11,7 @@ from tcrdata.errors import SettingsError
 from tcrdata.inspection.finding import Found
 from tcrdata.inspection.flips import hold_ready, passing_value
 from tcrdata.inspection.sentences import need, sentence
-from tcrdata.reports import run_report
+from tcrdata.reports import report_rows
 from tcrdata.rules import PresetText, RuleText, read_preset
 
 
@@ -143,10 +143,7 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
 
 
 def _rows(found: Found, report: str, parameters: Mapping[str, Any]) -> list[dict[str, Any]]:
-    rows: list[dict[str, Any]] = (
-        run_report(found.connection, report, parameters).to_arrow_table().to_pylist()
-    )
-    return rows
+    return report_rows(found.connection, report, parameters)
 
 
 def _preset_of(found: Found, selection: Mapping[str, Any], path: str | None) -> PresetText | None:
@@ -190,8 +187,8 @@ def _verdicts(
         for rule in (preset.rules if preset else ())
         if rule.select(literals) == texts.get(rule.name)
     }
-    if any(row["stops"] for row in rows):
-        hold_ready(found.connection, found.proposal_id)
+    stopping = [known[row["rule"]] for row in rows if row["stops"] and row["rule"] in known]
+    hold_ready(found.connection, found.proposal_id, stopping)
     verdicts = []
     for row in rows:
         rule = known.get(row["rule"])

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import duckdb
-import pyarrow as pa
 
 from tcrdata.errors import RuleError
 from tcrdata.resources import resource_folder
@@ -13,6 +13,9 @@ from tcrdata.rules.panel import Seat
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.scopes import Relations, handing_on, quoted, run_sql, scoped
 from tcrdata.store import schemas
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")
 """What tells whether boxes share a place."""
@@ -178,6 +181,8 @@ def _label_columns(presets: Sequence[FilledPreset]) -> str:
 
 def no_labels() -> pa.Table:
     """An empty table with the columns of `labels` but selection_id."""
+    import pyarrow as pa
+
     schema = schemas.arrow_schema("labels")
     chosen = pa.schema([field for field in schema if field.name != "selection_id"])
     return pa.Table.from_batches([], schema=chosen)  # empty_table() would import pandas

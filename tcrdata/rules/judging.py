@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import duckdb
-import pyarrow as pa
 
 from tcrdata.errors import RuleError
 from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
@@ -22,6 +22,9 @@ from tcrdata.rules.scopes import (
     scoped,
 )
 from tcrdata.store import schemas
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 _BITS = 62  # verdicts that fit into a bigint
 ALIVE = "(from survivors where alive <> 0)"

@@ -17,8 +17,7 @@ from tcrdata.rules.judging import Judged, judge
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
 from tcrdata.store import FileEntry, Store, Unit
-from tcrdata.store.columns import repeated
-from tcrdata.store.compaction import read_bundles
+from tcrdata.store.bundles import read_bundles
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import create_views
 
@@ -56,6 +55,8 @@ class Run:
 
 def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, Any]]]:
     """Yield a table and columns for it: labels batch by batch, then the selection's own row."""
+    from tcrdata.store.columns import repeated
+
     positive = undecided = 0
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:

@@ -7,7 +7,9 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any
+from importlib import import_module
+from threading import Thread
+from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.rules.preset_files import load_preset
@@ -17,7 +19,9 @@ from tcrdata.rules.selection_rows import Run, decided_by, selection_rows
 from tcrdata.rules.unfinished import lacking_stages, missing_evidence
 from tcrdata.store import FileEntry, Snapshot, Store, Unit
 from tcrdata.store.commits import ANY_DATASET
-from tcrdata.store.writer import Writer
+
+if TYPE_CHECKING:
+    from tcrdata.store.writer import Writer
 
 STAGE = "selection"
 
@@ -78,6 +82,8 @@ def select(
         RuleError: a rule or preset file is wrong; names file and line.
         MissingEvidenceError: a stage that the preset reads has not been built for a sequence.
     """
+    # Arrow is imported while DuckDB binds the rules.
+    Thread(target=import_module, args=("tcrdata.store.writer",)).start()
     loaded = load_preset(preset) if isinstance(preset, str) else preset
     filled = loaded.fill(overrides)
     lacking, filled = lacking_stages(store, filled, round)

@@ -10,40 +10,18 @@ from __future__ import annotations
 import io
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from tcrdata.store.commits import FileEntry, dump_json, parse_json
+from tcrdata.store.bundles import COMPACTED, Bundle, read_bundles
+from tcrdata.store.commits import FileEntry, dump_json
 from tcrdata.store.filesystem import Filesystem, HashingFile, Staging, storage_errors
 from tcrdata.store.parquet import ROWS_A_LIGHT_GROUP, damage_errors, parquet_writer, write_rows
 from tcrdata.store.schemas import arrow_schema, is_heavy
 
-COMPACTED = "compacted"
 ROWS_A_BUNDLE = 2 * ROWS_A_LIGHT_GROUP
-
-
-@dataclass(frozen=True)
-class Bundle:
-    """A file that holds the rows of others.
-
-    Attributes:
-        table: whose rows.
-        path: relative to the store.
-        rows: number of rows.
-        bytes: its size.
-        sha256: of its content.
-        holds: paths of the files whose rows it has, in order.
-    """
-
-    table: str
-    path: str
-    rows: int
-    bytes: int
-    sha256: str
-    holds: tuple[str, ...]
 
 
 def compact(files: Filesystem, entries: Mapping[str, Sequence[FileEntry]]) -> list[Bundle]:
@@ -67,36 +45,6 @@ def compact(files: Filesystem, entries: Mapping[str, Sequence[FileEntry]]) -> li
                 holds = tuple(entry.path for entry in members)
                 found.append(there.get(holds) or _write(files, staging, table, members))
     return found
-
-
-def read_bundles(files: Filesystem) -> list[Bundle]:
-    """The bundles of a store, those of most files first."""
-    found = [
-        parse_json(path, files.read(path), "bundle", _from_json)
-        for path in files.find(COMPACTED)
-        if path.endswith(".json")
-    ]
-    return sorted(found, key=lambda bundle: (-len(bundle.holds), bundle.path))
-
-
-def stand_ins(bundles: Sequence[Bundle], entries: Sequence[FileEntry]) -> list[FileEntry]:
-    """The entries with bundles in the place of the files that they hold, where all are asked for.
-
-    Args:
-        bundles: of any tables.
-        entries: files of one table.
-    """
-    left = {entry.path: entry for entry in entries}
-    found = []
-    for bundle in bundles:
-        if left.keys() >= set(bundle.holds):
-            unit = left[bundle.holds[0]].unit
-            found.append(
-                FileEntry(bundle.table, bundle.path, bundle.rows, bundle.bytes, bundle.sha256, unit)
-            )
-            for path in bundle.holds:
-                del left[path]
-    return found + list(left.values())
 
 
 def _groups(entries: Sequence[FileEntry]) -> Iterator[list[FileEntry]]:
@@ -158,7 +106,3 @@ def _publish(files: Filesystem, staging: Staging, file: BinaryIO, bundle: Bundle
         "holds": list(bundle.holds),
     }
     files.create(bundle.path.removesuffix(".parquet") + ".json", dump_json(content, lines=False))
-
-
-def _from_json(content: Mapping[str, Any]) -> Bundle:
-    return Bundle(**{**content, "holds": tuple(content["holds"])})

@@ -18,8 +18,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Protocol
 
-import pyarrow
-
 from tcrdata.errors import StoreError
 from tcrdata.store.locks import locked_folder, sweep
 
@@ -143,6 +141,8 @@ class Filesystem:
 
     def open(self, path: str) -> Any:
         """A file for random reading; OSError when there is none."""
+        import pyarrow
+
         if self.is_local:
             return pyarrow.OSFile(self.full_path(path), "rb")
         return self.fs.open(self.full_path(path), "rb")

@@ -5,25 +5,27 @@ from __future__ import annotations
 import hashlib
 import re
 from functools import lru_cache
-from typing import NamedTuple
-
-import pyarrow as pa
+from typing import TYPE_CHECKING, NamedTuple
 
 from tcrdata.errors import SchemaError
 from tcrdata.resources import resource_files
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SCHEMA_VERSION = 3
 """Version of all tables together; a store made with another one is refused."""
 
 _WEIGHT = "-- weight:"
 _COLUMN = re.compile(r" +(\w+) (.+?)( not null)?,? *(?:-- *(.*))?")
+# Names of Arrow's own functions.
 _SCALARS = {
-    "varchar": pa.string(),
-    "blob": pa.binary(),
-    "boolean": pa.bool_(),
-    "integer": pa.int32(),
-    "bigint": pa.int64(),
-    "double": pa.float64(),
+    "varchar": "string",
+    "blob": "binary",
+    "boolean": "bool_",
+    "integer": "int32",
+    "bigint": "int64",
+    "double": "float64",
 }
 # What the `datasets` library looks for to load a struct of bytes and path as an image.
 _HUGGING_FACE_IMAGE = (
@@ -46,7 +48,7 @@ class _Table(NamedTuple):
     ddl: str
     weight: str
     columns: list[Column]
-    schema: pa.Schema
+    required: frozenset[str]
 
 
 def table_names() -> list[str]:
@@ -60,7 +62,17 @@ def arrow_schema(table: str) -> pa.Schema:
     Raises:
         SchemaError: there is no such table.
     """
-    return _table(table).schema
+    _table(table)
+    return _arrow_schemas()[table]
+
+
+def check_known(table: str) -> None:
+    """Refuse a table that there is not.
+
+    Raises:
+        SchemaError: there is no such table.
+    """
+    _table(table)
 
 
 def is_heavy(table: str) -> bool:
@@ -118,12 +130,12 @@ def _table(name: str) -> _Table:
 @lru_cache(maxsize=1)
 def _tables() -> dict[str, _Table]:
     return {
-        path.stem: _described(path.stem, path.read_text(encoding="utf-8"))
+        path.stem: _described(path.read_text(encoding="utf-8"))
         for path in resource_files("schemas/*.sql")
     }
 
 
-def _described(name: str, text: str) -> _Table:
+def _described(text: str) -> _Table:
     """Read a table's file: one column a line, as a test compares with what DuckDB reads.
 
     DuckDB itself takes a tenth of a second for all, for which every command would wait.
@@ -131,17 +143,29 @@ def _described(name: str, text: str) -> _Table:
     lines = [_COLUMN.fullmatch(line) for line in text.splitlines()]
     parts = [found.groups(default="") for found in lines if found]
     found = [Column(column, kind, comment) for column, kind, _, comment in parts]
-    fields = [
-        pa.field(column, _arrow_type(kind), nullable=not required)
-        for column, kind, required, _ in parts
-    ]
-    metadata = {b"huggingface": _HUGGING_FACE_IMAGE} if name == "images" else None
-    return _Table(text, _weight(text), found, pa.schema(fields, metadata=metadata))
+    required = frozenset(column for column, _, not_null, _ in parts if not_null)
+    return _Table(text, _weight(text), found, required)
+
+
+@lru_cache(maxsize=1)
+def _arrow_schemas() -> dict[str, pa.Schema]:
+    """All schemas; apart, for commands that only ask do without the import of Arrow."""
+    import pyarrow as pa
+
+    return {
+        name: pa.schema(
+            [
+                pa.field(column, _arrow_type(kind), nullable=column not in table.required)
+                for column, kind, _ in table.columns
+            ],
+            metadata={b"huggingface": _HUGGING_FACE_IMAGE} if name == "images" else None,
+        )
+        for name, table in _tables().items()
+    }
 
 
 def _fingerprint(table: _Table) -> str:
-    nullable = {field.name: field.nullable for field in table.schema}
-    lines = sorted(f"{name} {kind} {nullable[name]}" for name, kind, _ in table.columns)
+    lines = sorted(f"{name} {kind} {name not in table.required}" for name, kind, _ in table.columns)
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16]
 
 
@@ -152,6 +176,8 @@ def _weight(text: str) -> str:
 
 def _arrow_type(kind: str) -> pa.DataType:
     """The Arrow type of an SQL type; lists, maps and structs of scalars included."""
+    import pyarrow as pa
+
     if kind.endswith("[]"):
         return pa.list_(_arrow_type(kind.removesuffix("[]")))
     outer, _, inside = kind.rstrip(")").partition("(")
@@ -161,4 +187,5 @@ def _arrow_type(kind: str) -> pa.DataType:
     if outer == "struct":
         named = [part.split(" ") for part in inner]
         return pa.struct([pa.field(name, _arrow_type(child)) for name, child in named])
-    return _SCALARS[kind]
+    made: pa.DataType = getattr(pa, _SCALARS[kind])()
+    return made

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import pyarrow as pa
-
 from tcrdata.store.commits import FileEntry
 
 if TYPE_CHECKING:
+    import pyarrow as pa
+
     from tcrdata.store.store import Store
 
 

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import StoreError
 from tcrdata.store import snapshots
+from tcrdata.store.bundles import Bundle
 from tcrdata.store.commits import CommitRecord, FileEntry, Unit
-from tcrdata.store.compaction import Bundle, compact
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
-from tcrdata.store.parquet import ParquetHandles
-from tcrdata.store.schemas import arrow_schema, is_view, table_names
+from tcrdata.store.schemas import check_known, is_view, table_names
 from tcrdata.store.sequence_tables import SequenceTables
 from tcrdata.store.snapshots import Snapshot
 from tcrdata.store.views import connect, create_views, lazy_frame
-from tcrdata.store.writer import Writer
 
 if TYPE_CHECKING:
     import duckdb
     import polars
     import pyarrow as pa
+
+    from tcrdata.store.parquet import ParquetHandles
+    from tcrdata.store.writer import Writer
 
 _FOLD_FROM = 256
 
@@ -33,8 +35,14 @@ class Store:
     def __init__(self, files: Filesystem, pinned: str | None = None) -> None:
         self._files = files
         self._history = History(files)
-        self._handles = ParquetHandles(files)
         self._pinned = pinned
+
+    @cached_property
+    def _handles(self) -> ParquetHandles:
+        # Commands that only ask, and ask DuckDB, do without the import of Arrow.
+        from tcrdata.store.parquet import ParquetHandles
+
+        return ParquetHandles(self._files)
 
     def __reduce__(self) -> tuple[type[Store], tuple[Filesystem, str | None]]:
         return Store, (self._files, self._pinned)
@@ -83,6 +91,8 @@ class Store:
 
         Rows, records and snapshots stay as they are.
         """
+        from tcrdata.store.compaction import compact
+
         return compact(self._files, self._entries(None, None))
 
     @contextmanager
@@ -98,6 +108,8 @@ class Store:
             SchemaError: rows do not fit a table.
             StoreError: the disk is full.
         """
+        from tcrdata.store.writer import Writer
+
         last = self.record(unit)
         generation = 1
         if last is not None:
@@ -129,7 +141,7 @@ class Store:
         """
         moment = snapshot is None and self._pinned is None
         if moment and dataset is not None and sequence is not None:
-            arrow_schema(table)
+            check_known(table)
             records = self._history.newest_of(dataset, sequence)
             entries = [e for record in records for e in record.files if e.table == table]
         else:
@@ -290,7 +302,7 @@ class Store:
                 raise StoreError(f"the snapshot {snapshot} does not cover table {missing[0]}")
         entries: dict[str, list[FileEntry]] = {table: [] for table in chosen}
         for table in chosen:
-            arrow_schema(table)
+            check_known(table)
         for entry in found:
             if entry.table in entries:
                 entries[entry.table].append(entry)

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from tcrdata.errors import QueryError, StoreError
+from tcrdata.store.bundles import read_bundles, stand_ins
 from tcrdata.store.commits import FileEntry
-from tcrdata.store.compaction import read_bundles, stand_ins
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import arrow_schema, columns, ddl, is_view, other_columns
 
