@@ -8,6 +8,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal
 
+from tcrdata.plain_tables import column_widths, goes_into_a_file, plain_table
+
 if TYPE_CHECKING:
     from rich.progress import Progress
 
@@ -28,37 +30,32 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[Any]
     Names and ids are for pasting: nothing is cut short, and where there is room for them in one
     line only what has spaces is wrapped.
     """
+    shown = [[_shown(value) for value in row] for row in rows]
+    numeric = [
+        any(isinstance(row[index], int | float) for row in rows) for index in range(len(columns))
+    ]
+    plain = plain_table(title, columns, shown, numeric, WIDTH_IN_A_FILE)
+    if plain is not None and goes_into_a_file(sys.stdout):
+        sys.stdout.write(plain)
+    else:
+        _print_rich_table(title, columns, shown, numeric)
+
+
+def _print_rich_table(
+    title: str, columns: Sequence[str], shown: Sequence[Sequence[str]], numeric: Sequence[bool]
+) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=title or None, title_justify="left", header_style="bold")
     console = Console(file=sys.stdout, width=None if sys.stdout.isatty() else WIDTH_IN_A_FILE)
-    shown = [[_shown(value) for value in row] for row in rows]
-    cells_of = [[name, *(row[index] for row in shown)] for index, name in enumerate(columns)]
-    widths = _widths(cells_of, console.width - 3 * len(columns) - 1)
+    widths = column_widths(columns, shown, console.width)
     for index, name in enumerate(columns):
-        numeric = any(isinstance(row[index], int | float) for row in rows)
-        justify: Literal["left", "right"] = "right" if numeric else "left"
+        justify: Literal["left", "right"] = "right" if numeric[index] else "left"
         table.add_column(name, justify=justify, width=widths[index], overflow="fold")
     for cells in shown:
         table.add_row(*cells)
     console.print(table)
-
-
-def _widths(columns: Sequence[Sequence[str]], room: int) -> list[int | None]:
-    """Characters for each column that leave every word whole; None where they do not fit."""
-    longest = [max(len(word) for cell in cells for word in cell.split(" ")) for cells in columns]
-    wanted = [max(map(len, cells)) for cells in columns]
-    room -= sum(longest)
-    if room < 0:
-        return [None] * len(columns)
-    widths: list[int | None] = [None] * len(columns)
-    # Who needs little more gets it first; what is left goes to the long ones.
-    for index in sorted(range(len(columns)), key=lambda i: wanted[i] - longest[i]):
-        more = min(wanted[index] - longest[index], room)
-        widths[index] = longest[index] + more
-        room -= more
-    return widths
 
 
 def say(message: str) -> None:

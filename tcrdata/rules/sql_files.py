@@ -71,7 +71,7 @@ def read_sql_file(
     if missing or not decides:
         wanted = f"a line '-- {missing[0]}: ...'" if missing else "a sentence on what it decides"
         raise RuleError(f"{path}:1: the header comment lacks {wanted}")
-    *settings, (select_at, select) = _statements(path, text)
+    *settings, (select_at, select) = _statements(path, text, connection)
     parameters = read_parameters(path, text, settings, connection)
     for index, parameter in enumerate(parameters):
         if parameter.name in (earlier.name for earlier in parameters[:index]):
@@ -114,10 +114,10 @@ def _header(text: str, field_names: tuple[str, ...]) -> tuple[str, dict[str, str
     return " ".join(paragraph), fields
 
 
-def _statements(path: Path, text: str) -> list[Token]:
+def _statements(path: Path, text: str, connection: duckdb.DuckDBPyConnection) -> list[Token]:
     """Split at semicolons: `set` statements, then one select."""
     try:
-        kinds = [statement.type for statement in duckdb.extract_statements(text)]
+        kinds = [statement.type for statement in connection.extract_statements(text)]
     except duckdb.Error as error:
         raise RuleError(located(path, 1, error)) from error
     spans: list[list[Token]] = [[]]
