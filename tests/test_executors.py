@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from tcrdata import __main__
 from tcrdata.errors import EvidenceError, FrameError
 from tcrdata.executors import Processes, Serial, executor
 
@@ -99,3 +100,19 @@ def test_workers_end_with_a_killed_parent() -> None:
             return
         time.sleep(0.1)
     pytest.fail(f"worker {worker} outlived its parent by 10 s")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "surely"),
+    [
+        (["build", "--dataset", "kitti"], True),
+        (["build", "--dry-run"], False),
+        (["build", "--workers=1"], False),
+        (["check", "--store", "build"], False),
+        ([], False),
+    ],
+)
+def test_the_server_starts_first_for_builds_with_workers(
+    arguments: list[str], surely: bool
+) -> None:
+    assert __main__._builds(arguments) is surely

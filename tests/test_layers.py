@@ -42,7 +42,7 @@ LAYERS = (
         "recordings",
         "warming",
     ),
-    ("console", "cli", "__main__"),
+    ("plain_tables", "console", "cli", "__main__"),
 )
 STRANGERS = LAYERS[3]
 HEAVY = {

@@ -41,8 +41,9 @@ def choose(
         first = presets[places[0]]
         given = _given(first, places, relations)
         run_sql(connection, f"insert into chosen {given}", f"the select of preset {first.name}")
-    for place, preset in enumerate(presets):
-        _check_chosen(connection, place, f"the select of preset {preset.name}")
+    if not _all_sound(connection):
+        for place, preset in enumerate(presets):
+            _check_chosen(connection, place, f"the select of preset {preset.name}")
 
 
 def _given(preset: FilledPreset, places: Sequence[int], relations: Relations) -> str:
@@ -69,6 +70,19 @@ def _given(preset: FilledPreset, places: Sequence[int], relations: Relations) ->
         f"select c.proposal_id, c.state, c.score, coalesce(b.place, {places[0]}), {found} "
         f"from {source} (values {bits}) b(place, bit) on c.alive & b.bit <> 0"
     )
+
+
+def _all_sound(connection: duckdb.DuckDBPyConnection) -> bool:
+    """Whether all that was chosen is as it must be: one look, of which nearly always is no more."""
+    ((sound,),) = connection.execute(
+        """
+        select count(*) = count(distinct (number * 64 + place))
+               and coalesce(bool_and(own and state in ('positive', 'ignore')
+                                     and score between 0 and 1), true)
+        from chosen
+        """
+    ).fetchall()
+    return bool(sound)
 
 
 def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) -> None:

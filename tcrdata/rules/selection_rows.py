@@ -21,8 +21,11 @@ from tcrdata.store.bundles import read_bundles
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.views import create_views
 
-BATCH_ROWS = 500_000
-"""Proposals judged in one go, whole sequences: bounds the memory, decides nothing."""
+BATCH_ROWS = 1_000_000
+"""Proposals judged in one go, whole sequences: bounds the memory, decides nothing.
+
+Half as many where alternatives are judged as well, whose survivors are held, too.
+"""
 
 AT_ONCE = 2
 """Batches judged side by side: planning and putting in order keep one processor busy."""
@@ -61,7 +64,9 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
     opened = Filesystem(store.url)
     with duckdb.connect() as connection:
         connection.execute("set global parquet_metadata_cache = true")
-        rows, at_once = (BUNDLED_ROWS, 1) if read_bundles(opened) else (BATCH_ROWS, AT_ONCE)
+        rows, at_once = BATCH_ROWS // (2 if run.preset.alternatives else 1), AT_ONCE
+        if read_bundles(opened):
+            rows, at_once = BUNDLED_ROWS, 1
         batches = enumerate(_batches(run.files, rows))
         work = partial(_judge, connection, opened, run)
         for judged in _in_turn(work, batches, at_once):
