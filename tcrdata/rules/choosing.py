@@ -77,8 +77,8 @@ def _all_sound(connection: duckdb.DuckDBPyConnection) -> bool:
     ((sound,),) = connection.execute(
         """
         select count(*) = count(distinct (number * 64 + place))
-               and coalesce(bool_and(own and state in ('positive', 'ignore')
-                                     and score between 0 and 1), true)
+               and count(*) = count(*) filter (own and state in ('positive', 'ignore')
+                                               and score between 0 and 1)
         from chosen
         """
     ).fetchall()
