@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,8 +42,14 @@ def sort_by_cell(
 
 
 @compiled
-def _count_near(query: Float32Array, target: Float32Array, radius_m: float, cell_m: float) -> int:
-    order, starts, x0, z0, nx, nz = sort_by_cell(target, cell_m)
+def _count_near(
+    query: Float32Array,
+    target: Float32Array,
+    radius_m: float,
+    cell_m: float,
+    cells: tuple[IntArray, IntArray, float, float, int, int],
+) -> int:
+    order, starts, x0, z0, nx, nz = cells
     count = 0
     for q in range(len(query)):
         x, y, z = query[q, 0], query[q, 1], query[q, 2]
@@ -74,15 +82,24 @@ def share_with_neighbour(
     Returns:
         None when either cloud is empty.
     """
-    if not len(query) or not len(target):
-        return None
-    near = _count_near(
-        np.ascontiguousarray(query, dtype=np.float32),
-        np.ascontiguousarray(target, dtype=np.float32),
-        radius_m,
-        4 * radius_m,
-    )
-    return float(near) / len(query)
+    (share,) = shares_with_neighbour([query], target, radius_m)
+    return share
+
+
+def shares_with_neighbour(
+    queries: Iterable[NDArray[np.floating]], target: NDArray[np.floating], radius_m: float
+) -> list[float | None]:
+    """Return what `share_with_neighbour` gives for each cloud, with the target sorted once."""
+    if not len(target):
+        return [None for _ in queries]
+    there, cell_m = np.ascontiguousarray(target, dtype=np.float32), 4 * radius_m
+    cells = sort_by_cell(there, cell_m)
+    shares: list[float | None] = []
+    for query in queries:
+        here = np.ascontiguousarray(query, dtype=np.float32)
+        near = _count_near(here, there, radius_m, cell_m, cells) if len(here) else 0
+        shares.append(float(near) / len(here) if len(here) else None)
+    return shares
 
 
 @compiled

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.evidence.alignment import share_with_neighbour
+from tcrdata.evidence.alignment import shares_with_neighbour
 from tcrdata.types import Float32Array, FloatArray
 
 # What the library has by default.
@@ -79,11 +79,10 @@ class LidarPath:
         last = round(self._first_step_m / self._first_spacing_m)
         steps = sorted(range(-last, last + 1), key=lambda number: (abs(number), number))
         sample = now[::FIRST_STRIDE]
-        shares = []
-        for number in steps:
-            way = np.array([0, 0, number * self._first_spacing_m], dtype=np.float32)
-            share = share_with_neighbour(sample + way, before, 0.6 * self._first_spacing_m)
-            shares.append(share or 0.0)
+        ways = [np.array([0, 0, n * self._first_spacing_m], dtype=np.float32) for n in steps]
+        moved = (sample + way for way in ways)
+        found = shares_with_neighbour(moved, before, 0.6 * self._first_spacing_m)
+        shares = [share or 0.0 for share in found]
         motion = np.eye(4)
         motion[2, 3] = steps[int(np.argmax(shares))] * self._first_spacing_m
         return motion
