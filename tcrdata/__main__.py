@@ -6,6 +6,7 @@ Worker processes import this module as their own main module: it loads nothing u
 from __future__ import annotations
 
 import gc
+import os
 import sys
 from collections.abc import Sequence
 from typing import NoReturn
@@ -28,7 +29,8 @@ def main() -> NoReturn:
 def _builds(arguments: Sequence[str]) -> bool:
     """Whether the arguments surely ask for a build with workers; the command itself knows."""
     others = ("--help", "-h", "--dry-run", "--workers")
-    return arguments[:1] == ["build"] and not any(a.startswith(others) for a in arguments)
+    plain = arguments[:1] == ["build"] and not any(a.startswith(others) for a in arguments)
+    return plain and len(os.sched_getaffinity(0)) > 1
 
 
 if __name__ == "__main__":

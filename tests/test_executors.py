@@ -113,6 +113,7 @@ def test_workers_end_with_a_killed_parent() -> None:
     ],
 )
 def test_the_server_starts_first_for_builds_with_workers(
-    arguments: list[str], surely: bool
+    arguments: list[str], surely: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
     assert __main__._builds(arguments) is surely
