@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
 from typing import Any
 
 from tcrdata.errors import SettingsError
+from tcrdata.inspection.drives import companion
 from tcrdata.inspection.finding import Found
 from tcrdata.inspection.flips import hold_ready, passing_value
 from tcrdata.inspection.sentences import need, sentence
@@ -119,11 +121,20 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
     proposal = _rows(found, "why_proposal", asked)[0]
     points = proposal.pop("point_indices") or ()
     every = found.drives.selections(*place, selection["round"])
-    found.drives.judge(found.connection, every, place, proposal["frame"], proposal["track_id"])
-    outcomes = _rows(found, "why_outcomes", asked)
+    with ThreadPoolExecutor(max_workers=1) as beside:
+        # What needs no verdicts is asked while they are made.
+        waiting = beside.submit(
+            _unjudged,
+            replace(found, connection=companion(found.connection)),
+            selection,
+            preset,
+            asked,
+        )
+        found.drives.judge(found.connection, every, place, proposal["frame"], proposal["track_id"])
+        outcomes = _rows(found, "why_outcomes", asked)
+        loaded, evidence, labels = waiting.result()
     itself = [row for row in outcomes if row["relation"] == "itself"]
     own = next(row for row in itself if row["selection_id"] == selection["selection_id"])
-    loaded = _preset_of(found, selection, preset)
     return Explanation(
         proposal,
         selection["selection_id"],
@@ -133,12 +144,23 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
         own["outcome"],
         own["ignored_because"],
         tuple(_verdicts(found, selection, loaded, _rows(found, "why_rules", asked))),
-        tuple(_rows(found, "why_evidence", {"proposal_id": found.proposal_id})),
+        tuple(evidence),
         tuple(row for row in outcomes if row["relation"] != "itself"),
         tuple(row for row in itself if row is not own),
         found.nearest,
-        tuple(_rows(found, "why_labels", asked)),
+        tuple(labels),
         tuple(points),
+    )
+
+
+def _unjudged(
+    found: Found, selection: Mapping[str, Any], preset: str | None, asked: Mapping[str, Any]
+) -> tuple[PresetText | None, list[dict[str, Any]], list[dict[str, Any]]]:
+    """The preset, and rows of `why_evidence` and `why_labels`."""
+    return (
+        _preset_of(found, selection, preset),
+        _rows(found, "why_evidence", {"proposal_id": found.proposal_id}),
+        _rows(found, "why_labels", asked),
     )
 
 
