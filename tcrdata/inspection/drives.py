@@ -160,11 +160,3 @@ class Drives:
             if entry.table in chosen and own:
                 chosen[entry.table].append(entry)
         return chosen
-
-
-def companion(connection: duckdb.DuckDBPyConnection) -> duckdb.DuckDBPyConnection:
-    """Return a second session over the drive of a connection, for a thread of its own."""
-    (schema,) = connection.execute("select current_schema()").fetchall()[0]
-    other = connection.cursor()
-    other.execute(f"use {schema}")
-    return other

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from tcrdata.errors import SettingsError
-from tcrdata.inspection.drives import companion
 from tcrdata.inspection.finding import Found
 from tcrdata.inspection.flips import hold_ready, passing_value
 from tcrdata.inspection.sentences import need, sentence
@@ -121,20 +119,11 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
     proposal = _rows(found, "why_proposal", asked)[0]
     points = proposal.pop("point_indices") or ()
     every = found.drives.selections(*place, selection["round"])
-    with ThreadPoolExecutor(max_workers=1) as beside:
-        # What needs no verdicts is asked while they are made.
-        waiting = beside.submit(
-            _unjudged,
-            replace(found, connection=companion(found.connection)),
-            selection,
-            preset,
-            asked,
-        )
-        found.drives.judge(found.connection, every, place, proposal["frame"], proposal["track_id"])
-        outcomes = _rows(found, "why_outcomes", asked)
-        loaded, evidence, labels = waiting.result()
+    found.drives.judge(found.connection, every, place, proposal["frame"], proposal["track_id"])
+    outcomes = _rows(found, "why_outcomes", asked)
     itself = [row for row in outcomes if row["relation"] == "itself"]
     own = next(row for row in itself if row["selection_id"] == selection["selection_id"])
+    loaded = _preset_of(found, selection, preset)
     return Explanation(
         proposal,
         selection["selection_id"],
@@ -144,23 +133,12 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
         own["outcome"],
         own["ignored_because"],
         tuple(_verdicts(found, selection, loaded, _rows(found, "why_rules", asked))),
-        tuple(evidence),
+        tuple(_rows(found, "why_evidence", {"proposal_id": found.proposal_id})),
         tuple(row for row in outcomes if row["relation"] != "itself"),
         tuple(row for row in itself if row is not own),
         found.nearest,
-        tuple(labels),
+        tuple(_rows(found, "why_labels", asked)),
         tuple(points),
-    )
-
-
-def _unjudged(
-    found: Found, selection: Mapping[str, Any], preset: str | None, asked: Mapping[str, Any]
-) -> tuple[PresetText | None, list[dict[str, Any]], list[dict[str, Any]]]:
-    """The preset, and rows of `why_evidence` and `why_labels`."""
-    return (
-        _preset_of(found, selection, preset),
-        _rows(found, "why_evidence", {"proposal_id": found.proposal_id}),
-        _rows(found, "why_labels", asked),
     )
 
 
