@@ -53,12 +53,8 @@ class Plan:
         return (FRAMES, TRUTH, *self.cues) if self.round == ROUND else self.cues
 
     def units(self, sequence: str) -> list[Unit]:
-        """The units of work of one sequence, in order.
-
-        The truth comes first: it takes no workers, who are still getting ready.
-        """
-        order = sorted(self.stages, key=lambda stage: stage != TRUTH)
-        return [Unit(stage, self.dataset_name, sequence, self.round) for stage in order]
+        """The units of work of one sequence, in order."""
+        return [Unit(stage, self.dataset_name, sequence, self.round) for stage in self.stages]
 
     @property
     def dataset_name(self) -> str:

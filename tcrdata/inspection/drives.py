@@ -104,7 +104,10 @@ class Drives:
         connection.execute("drop table if exists checks")
         for snapshot in sorted({row["snapshot"] for row in selections}):
             rows = [row for row in selections if row["snapshot"] == snapshot]
-            read, judged = self._reading(rows[0], *place), f"judged_{next(self._numbers)}"
+            read, judged = (
+                self._reading(connection, rows[0], *place),
+                f"judged_{next(self._numbers)}",
+            )
             connection.execute(f"create schema {judged}")
             connection.execute(
                 f"create table {judged}.proposals as "
@@ -119,13 +122,19 @@ class Drives:
             parts.append(f"from {judged}.checks")
         connection.execute(f"create table checks as {' union all '.join(parts)}")
 
-    def _reading(self, selection: Mapping[str, Any], dataset: str, sequence: str) -> str:
+    def _reading(
+        self,
+        connection: duckdb.DuckDBPyConnection,
+        selection: Mapping[str, Any],
+        dataset: str,
+        sequence: str,
+    ) -> str:
         """The schema of the evidence of a drive that a selection read; made if it is not there."""
         asked = (selection["snapshot"], selection["round"], dataset, sequence)
         if asked not in self._schemas:
             schema = self._schemas[asked] = f"drive_{next(self._numbers)}"
             evidence = self._evidence(selection, dataset, sequence)
-            create_views(self._database, self._files, evidence, {}, schema, bundled=False)
+            create_views(connection, self._files, evidence, {}, schema, bundled=False)
         return self._schemas[asked]
 
     @cached_property

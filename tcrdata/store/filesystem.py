@@ -172,9 +172,12 @@ class Filesystem:
     def is_empty(self) -> bool:
         """Whether nothing lies at the root but what a killed writer may leave."""
         if self.is_local:
-            with suppress(FileNotFoundError):
+            try:
                 return set(os.listdir(self.root)) <= {TEMPORARY}  # noqa: PTH208
-            return True
+            except FileNotFoundError:
+                return True
+            except NotADirectoryError:
+                return False
         if not self.fs.exists(self.root):
             return True
         names = {path.rstrip("/").rpartition("/")[2] for path in self.fs.ls(self.root, False)}
