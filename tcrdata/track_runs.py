@@ -20,7 +20,7 @@ from tcrdata.plan import FRAMES, TRUTH
 from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
 from tcrdata.track_plans import TrackPlan, passes, unit_of
-from tcrdata.tracked_rows import BOX, RowMaker, columns_of
+from tcrdata.tracked_rows import RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
 from tcrdata.tracking.library import library_of_rows
 from tcrdata.tracking.short_range import short_range
@@ -28,9 +28,9 @@ from tcrdata.tracking.tracker import Finished, Tracker
 from tcrdata.tracklet_boxes import STAGE as BOXES
 from tcrdata.tracklet_boxes import write_boxes
 from tcrdata.truth_starts import first_boxes
-from tcrdata.types import FloatArray
+from tcrdata.types import BOX_COLUMNS, FloatArray
 
-_LABEL_COLUMNS = ("proposal_id", "frame", "state", "score", "source", "track_id", *BOX)
+_LABEL_COLUMNS = ("proposal_id", "frame", "state", "score", "source", "track_id", *BOX_COLUMNS)
 _ROWS_AT_ONCE = 4096
 _READ = (FRAMES, "ground", "odometry", "flow_ransac", "flow", "objectness2d", "objectness3d")
 """Stages whose rows trackers read: poses, ground, flow, and what networks say of proposals."""

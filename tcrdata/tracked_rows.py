@@ -19,7 +19,6 @@ from tcrdata.tracking.targets import Sighting
 from tcrdata.tracking.tracker import Finished
 from tcrdata.types import Float32Array, FloatArray, Tables
 
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _NEAR_M = 0.1
 _SEEN_SHARE = 0.5
 _FLOWS = 8

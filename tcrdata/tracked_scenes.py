@@ -34,6 +34,7 @@ from tcrdata.store import Store, Unit
 from tcrdata.tracking.near_points import first_returns, unit_rows, world_points
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import (
+    BOX_COLUMNS,
     BoolArray,
     Dataset,
     Float32Array,
@@ -45,7 +46,6 @@ from tcrdata.types import (
     Tables,
 )
 
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _CELLS = LidarCells()
 _UNDECIDED = 0.5
 _HUE, _GREY = np.float32(1.2), np.float32(1.5)
@@ -170,7 +170,7 @@ class SceneSource:
         return reflectance_features(cloud.reflectance[kept])
 
     def _candidates(self, number: int, rows: list[dict[str, Any]]) -> Candidates:
-        boxes = np.array([[row[name] for name in BOX] for row in rows]).reshape(-1, 7)
+        boxes = np.array([[row[name] for name in BOX_COLUMNS] for row in rows]).reshape(-1, 7)
         placed = np.array([self.world.box_to_world(number, box) for box in boxes]).reshape(-1, 7)
         return Candidates(
             placed,
