@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tcrdata import __version__, registry, settings
@@ -22,6 +25,7 @@ from tcrdata.store import Store, Unit, open_store
 from tcrdata.track_plans import TrackPlan, passes, unit_of
 from tcrdata.tracked_rows import RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
+from tcrdata.tracking.known_fits import KnownFits
 from tcrdata.tracking.library import library_of_rows
 from tcrdata.tracking.short_range import short_range
 from tcrdata.tracking.tracker import Finished, Tracker
@@ -45,13 +49,14 @@ def track(
         TcrdataError: the store cannot be read or written.
     """
     outcomes = []
-    for library, start in passes(plan):
-        store = open_store(store_url)
-        entries = _library_rows(store, plan) if library else []
-        part = replace(plan, library=library, start=start)
-        for outcome in _outcomes(store_url, part, entries, workers):
-            progress(outcome)
-            outcomes.append(outcome)
+    with TemporaryDirectory(prefix="tcrdata-track-") as spool:
+        for library, start in passes(plan):
+            store = open_store(store_url)
+            entries = _library_rows(store, plan) if library else []
+            part = replace(plan, library=library, start=start)
+            for outcome in _outcomes(store_url, part, entries, workers, spool):
+                progress(outcome)
+                outcomes.append(outcome)
     if plan.start == "labels":
         for outcome in _boxes(store_url, plan, outcomes):
             progress(outcome)
@@ -72,23 +77,29 @@ def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Itera
 
 
 def _outcomes(
-    store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int
+    store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int, spool: str
 ) -> Iterator[UnitOutcome]:
-    """Track sequences side by side; rows do not depend on how many at once."""
+    """Track sequences side by side; rows do not depend on how many at once.
+
+    The folder `spool` takes what one pass over a sequence finds that the next one asks again.
+    """
     known = settings.digest(entries)
     alone = workers < 2 or len(plan.sequences) < 2 or store_url.startswith("memory")
     beside = alone and workers > 1
-    tasks = [(store_url, plan, entries, known, beside, *key) for key in plan.sequences]
+    tasks = [
+        (store_url, plan, entries, known, beside, str(Path(spool, str(number))), *key)
+        for number, key in enumerate(plan.sequences)
+    ]
     with executor(1 if alone else workers) as parallel:
         assert isinstance(parallel, Serial | Processes)
         yield from parallel(_track_sequence, tasks)
 
 
 def _track_sequence(
-    task: tuple[str, TrackPlan, list[dict[str, Any]], str, bool, str, str],
+    task: tuple[str, TrackPlan, list[dict[str, Any]], str, bool, str, str, str],
 ) -> UnitOutcome:
     """Track one sequence; where it has the cores alone, frames are read beside."""
-    url, plan, entries, known, beside, dataset, sequence = task
+    url, plan, entries, known, beside, spooled, dataset, sequence = task
     store = open_store(url)
     unit = unit_of(plan, dataset, sequence)
     labels = _labels(store, plan.selection_id, dataset, sequence)
@@ -102,13 +113,23 @@ def _track_sequence(
             store, _dataset(store, dataset, sequence), dataset, sequence, labels, plan.round,
             _model(store, plan), beside=beside,
         )  # fmt: skip
-        with store.writer(unit, settings_hash=hash_, inputs=inputs) as writer:
-            for table, columns in _rows(store, plan, source, unit, entries, writer.error):
+        with (
+            _known_fits(plan, Path(spooled)) as fits,
+            store.writer(unit, settings_hash=hash_, inputs=inputs) as writer,
+        ):
+            for table, columns in _rows(store, plan, source, unit, entries, fits, writer.error):
                 writer.append(table, columns)
     except (DatasetError, EvidenceError, MissingEvidenceError) as error:
         return UnitOutcome(unit, "failed", str(error))
     record = store.record(unit)
     return UnitOutcome(unit, "made", frame_errors=record.failed_frames if record else ())
+
+
+def _known_fits(plan: TrackPlan, path: Path) -> AbstractContextManager[KnownFits | None]:
+    """Return the fits that the pass before this one left, or what this one leaves for the next."""
+    if plan.start == "truth" or (plan.library and not path.exists()):
+        return nullcontext()
+    return KnownFits(path)
 
 
 def _model(store: Store, plan: TrackPlan) -> Model | None:
@@ -167,6 +188,7 @@ def _rows(
     source: SceneSource,
     unit: Unit,
     entries: list[dict[str, Any]],
+    fits: KnownFits | None,
     failed: Callable[[int, str], None],
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Track one sequence; yields batches of rows, and tells `failed` of frames left out."""
@@ -186,7 +208,7 @@ def _rows(
     if with_paths:
         yield "trajectories", {}
     starts = _starts(store, plan, source, unit)
-    for finished in _followed(plan, source, entries, starts, failed):
+    for finished in _followed(plan, source, entries, starts, fits, failed):
         waiting[table] += maker.tracklet_rows(finished)
         waiting["trajectories"] += maker.trajectory_rows(finished.number, over=finished.over)
         for name, rows in waiting.items():
@@ -203,13 +225,13 @@ def _followed(
     source: SceneSource,
     entries: list[dict[str, Any]],
     starts: dict[int, list[tuple[str, FloatArray]]] | None,
+    fits: KnownFits | None,
     failed: Callable[[int, str], None],
 ) -> Iterator[Finished]:
     """Yield what trackers hand on; where egomotion has a break, a new one begins."""
     own, scale = plan.settings, source.metric_scale
-    short = short_range(
-        own.tracker, replace(own.short, correlation=own.short.correlation.scaled(scale))
-    )
+    scaled = replace(own.short, correlation=own.short.correlation.scaled(scale))
+    short = short_range(own.tracker, scaled, fits)
     library = library_of_rows(entries, scale) if plan.library else None
     tracker: Tracker | None = None
     segment, number = -1, 0

@@ -31,6 +31,7 @@ from tcrdata.geometry.transforms import inverse
 from tcrdata.ingest import frames_of
 from tcrdata.plan import ROUND
 from tcrdata.store import Store, Unit
+from tcrdata.tracking.cell_points import cell_points
 from tcrdata.tracking.near_points import first_returns, unit_rows, world_points
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import (
@@ -133,7 +134,7 @@ class SceneSource:
         points = world_points(cloud.xyz, kept, pose.astype(np.float32))
         return Scene(
             number,
-            points,
+            cell_points(points),
             self._features(frame, cloud, kept),
             self._candidates(number, self.labels.get(number, [])),
             FrameView(frame, self.sensor, cloud, pose),
