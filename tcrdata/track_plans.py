@@ -10,6 +10,7 @@ from typing import Any, Literal
 from tcrdata import settings
 from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.store import Store, Unit
+from tcrdata.store.followed import stage_of
 from tcrdata.tracking.library import LibrarySettings
 from tcrdata.tracking.short_range import ShortRangeSettings, TrackerName, short_range
 from tcrdata.tracking.tracker_settings import TrackerSettings
@@ -170,4 +171,5 @@ def number_of_units(plan: TrackPlan) -> int:
 def unit_of(plan: TrackPlan, dataset: str, sequence: str) -> Unit:
     """Return the unit of work of one sequence."""
     stage = "tracklets" if plan.start == "labels" else "truth_tracklets"
-    return Unit(stage + ("_library" if plan.library else ""), dataset, sequence, plan.round)
+    kind = stage + ("_library" if plan.library else "")
+    return Unit(stage_of(kind, plan.selection_id), dataset, sequence, plan.round)

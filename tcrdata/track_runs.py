@@ -22,6 +22,7 @@ from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import FRAMES, TRUTH
 from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
+from tcrdata.store.followed import BOXES, stage_of
 from tcrdata.track_plans import TrackPlan, passes, unit_of
 from tcrdata.tracked_rows import RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
@@ -29,7 +30,6 @@ from tcrdata.tracking.known_fits import KnownFits
 from tcrdata.tracking.library import library_of_rows
 from tcrdata.tracking.short_range import short_range
 from tcrdata.tracking.tracker import Finished, Tracker
-from tcrdata.tracklet_boxes import STAGE as BOXES
 from tcrdata.tracklet_boxes import write_boxes
 from tcrdata.truth_starts import first_boxes
 from tcrdata.types import BOX_COLUMNS, FloatArray
@@ -71,8 +71,8 @@ def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Itera
         if key in failed:
             continue
         store = open_store(store_url)
-        made = write_boxes(store, unit_of(plan, *key), library=plan.library)
-        unit = Unit(BOXES, *key, plan.round)
+        unit = Unit(stage_of(BOXES, plan.selection_id), *key, plan.round)
+        made = write_boxes(store, unit, unit_of(plan, *key), library=plan.library)
         yield UnitOutcome(unit, "made" if made else "done")
 
 
@@ -171,10 +171,10 @@ def _inputs(
 
 
 def _library_rows(store: Store, plan: TrackPlan) -> list[dict[str, Any]]:
-    """Return what the rule lets into the library, of the round's tracklets."""
+    """Return what the rule lets into the library, of the selection's tracklets."""
     connection = store.connect(tables=("trajectories",))
     try:
-        parameters = {**plan.entries, "entries_round": plan.round}
+        parameters = {**plan.entries, "entries_selection": plan.selection_id}
         found = run_report(connection, "library_entries", parameters, folder="tracking")
         rows: list[dict[str, Any]] = found.to_arrow_table().to_pylist()
     finally:
@@ -197,9 +197,13 @@ def _rows(
     maker = RowMaker(
         source.world,
         source.tables,
-        f"{unit.dataset}/{unit.sequence}/{table.removesuffix('s')}",
+        f"{unit.dataset}/{unit.sequence}/{stage_of(table.removesuffix('s'), plan.selection_id)}",
         source.metric_scale,
-        {"library": plan.library, "tracker": plan.settings.tracker},
+        {
+            "selection_id": plan.selection_id,
+            "library": plan.library,
+            "tracker": plan.settings.tracker,
+        },
         source.labels,
         settings=plan.settings.library if with_paths else None,
     )

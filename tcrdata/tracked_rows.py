@@ -146,6 +146,7 @@ class RowMaker:
         return {
             "trajectory_id": f"{name}/{rows[0].frame:06d}",
             "tracklet_id": name,
+            "selection_id": self.constant["selection_id"],
             "frame": rows[0].frame,
             "frames": rows[-1].frame - rows[0].frame + 1,
             "metric_scale": self.metric_scale,

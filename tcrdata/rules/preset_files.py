@@ -11,7 +11,7 @@ from tcrdata.errors import RuleError, SettingsError
 from tcrdata.resources import resource_files, resource_folder
 from tcrdata.rules.binding import PRESET_COLUMNS, Binder
 from tcrdata.rules.parameters import Parameter
-from tcrdata.rules.presets import LOOSENED, NEXT, Preset
+from tcrdata.rules.presets import FOLLOWS, LOOSENED, NEXT, Preset
 from tcrdata.rules.rule_files import (
     Rule,
     RuleText,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import duckdb
 
 FIELDS = ("rules", "required", "cues")
-MAY_HAVE = ("ignore", LOOSENED, NEXT)
+MAY_HAVE = ("ignore", LOOSENED, NEXT, FOLLOWS)
 
 _AnyRule = TypeVar("_AnyRule", bound=RuleText)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -263,16 +263,18 @@ class Store:
         """Make a selection the newest one; nothing is written when it already is."""
         snapshots.point_to(self._files, selection_id, name)
 
-    def newest_selection(self, name: str | None = None) -> str | None:
-        """Id of the newest selection, or of the newest that a name, an id or its beginning means.
+    def newest_selection(
+        self, name: str | None = None, *, among: Collection[str] | None = None
+    ) -> str | None:
+        """Id of the newest selection (`among` some), or of that which a name or an id means.
 
         Raises:
             StoreError: the beginning of an id (6 characters or more) fits several.
         """
-        if self._pinned is None:
-            return snapshots.newest_selection(self._files, name)
-        there = {entry.unit.sequence for entry in self.files("selections")}
-        return snapshots.newest_selection(self._files, name, there)
+        if self._pinned is not None:
+            there = {entry.unit.sequence for entry in self.files("selections")}
+            among = there if among is None else there.intersection(among)
+        return snapshots.newest_selection(self._files, name, among)
 
     def _entries(
         self, tables: Sequence[str] | None, snapshot: str | None
