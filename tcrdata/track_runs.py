@@ -22,8 +22,8 @@ from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import FRAMES, TRUTH
 from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
-from tcrdata.store.followed import BOXES, stage_of
-from tcrdata.track_plans import TrackPlan, passes, unit_of
+from tcrdata.store.followed import stage_of
+from tcrdata.track_plans import TrackPlan, boxes_of, passes, unit_of
 from tcrdata.tracked_rows import RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
 from tcrdata.tracking.known_fits import KnownFits
@@ -71,7 +71,7 @@ def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Itera
         if key in failed:
             continue
         store = open_store(store_url)
-        unit = Unit(stage_of(BOXES, plan.selection_id), *key, plan.round)
+        unit = boxes_of(plan, *key)
         made = write_boxes(store, unit, unit_of(plan, *key), library=plan.library)
         yield UnitOutcome(unit, "made" if made else "done")
 
