@@ -208,6 +208,7 @@ def _rows(
         settings=plan.settings.library if with_paths else None,
     )
     waiting: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    columns = {table: maker.tracklet_columns, "trajectories": columns_of}
     yield table, {}
     if with_paths:
         yield "trajectories", {}
@@ -217,11 +218,11 @@ def _rows(
         waiting["trajectories"] += maker.trajectory_rows(finished.number, over=finished.over)
         for name, rows in waiting.items():
             if len(rows) > _ROWS_AT_ONCE:
-                yield name, columns_of(rows)
+                yield name, columns[name](rows)
                 rows.clear()
     for name, rows in waiting.items():
         if rows:
-            yield name, columns_of(rows)
+            yield name, columns[name](rows)
 
 
 def _followed(

@@ -9,12 +9,12 @@ from typing import Any
 
 from tcrdata.store import Store, Unit
 from tcrdata.store.followed import BOXES
+from tcrdata.types import BOX_COLUMNS
 
 SOURCE = "tracklet"
 _COPIED = (
-    "frame", "x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad", "left_px",
-    "top_px", "right_px", "bottom_px", "center_u_px", "center_v_px", "truncated_share",
-    "number_of_points", "speed_mps",
+    "frame", *BOX_COLUMNS, "left_px", "top_px", "right_px", "bottom_px", "center_u_px",
+    "center_v_px", "truncated_share", "number_of_points", "speed_mps",
 )  # fmt: skip
 _SEEN = ("nearest", "correlation")
 

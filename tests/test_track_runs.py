@@ -121,6 +121,31 @@ def test_tracklets_are_exported(tracked: Path, tmp_path: Path) -> None:
     assert "export kitti-tracking or mot" in message
 
 
+def test_each_selections_tracklets_stay_and_change_no_other_selection(
+    built: Path, tracked: Path, tmp_path: Path
+) -> None:
+    store = tmp_path / "both"
+    shutil.copytree(tracked, store)
+    first = str(open_store(str(built)).newest_selection())
+    done("check", "--store", store, "--preset", "tabletop", "--set", "min_points=200",
+         "--name", "few")  # fmt: skip
+    done("track", "--store", store, "--selection", "few", "--library", "off", "--workers", 1)
+    before, after = rows(tracked, "tracklets"), rows(store, "tracklets", selection_id=first)
+    assert after == before
+    few = rows(store, "tracklets", selection_id=str(open_store(str(store)).newest_selection("few")))
+    assert few
+    boxes = rows(store, "proposals", source="tracklet")
+    assert len({row["proposal_id"] for row in boxes}) == len(boxes)
+    for words, expected in (((), few), (("--selection", first), before)):
+        out = tmp_path / str(len(words))
+        done("export", "mot", "--tracklets", "--store", store, "--out", out, *words)
+        lines = (out / "table_0000.txt").read_text().splitlines()
+        linked = any(row["library"] for row in expected)
+        assert len(lines) == sum(row["library"] == linked for row in expected)
+    again = done("check", "--store", store, "--preset", "tabletop", "--json").json
+    assert again["selection_id"] == first
+
+
 def test_a_library_of_zero_entries_still_follows(built: Path, tmp_path: Path) -> None:
     store = tmp_path / "zero"
     shutil.copytree(built, store)

@@ -91,10 +91,8 @@ def select(
         raise missing_evidence(store, filled, *unfinished[0])
     if filled.follows and followed is None:
         followed = newest_tracked(store, filled.follows, round)
-    judge = partial(
-        _judged, lacking=lacking, preset=filled, round=round,
-        followed=followed if filled.follows else None,
-    )  # fmt: skip
+    whom = followed if filled.follows else None
+    judge = partial(_judged, lacking=lacking, preset=filled, round=round, followed=whom)
     called = name or filled.name
     frozen = store.snapshot(snapshot) if snapshot else None
     own = judge(_files_now(store) if frozen is None else frozen.files)
@@ -102,7 +100,7 @@ def select(
     if made:
         # Only now: a store that is done stays as it is, whatever was measured since.
         if frozen is None:
-            frozen = store.freeze(None, EVIDENCE_TABLES)
+            frozen = store.freeze(None, EVIDENCE_TABLES, lambda e: is_read(e.unit.stage, whom))
             own = judge(frozen.files)
         _make(store, own, filled, frozen.name, called)
     chosen = own.unit.sequence

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from tcrdata.store.history import History
 from tcrdata.store.parquet import ParquetHandles
 from tcrdata.store.schemas import arrow_schema, is_view, table_names
 from tcrdata.store.sequence_tables import SequenceTables
-from tcrdata.store.snapshots import Snapshot
+from tcrdata.store.snapshots import Ids, Snapshot, Wanted
 from tcrdata.store.views import connect, create_views, lazy_frame
 from tcrdata.store.writer import Writer
 
@@ -236,15 +236,17 @@ class Store:
         """A table as a polars LazyFrame over the files of this moment."""
         return lazy_frame(self._files, table, self.files(table, snapshot=snapshot))
 
-    def freeze(self, name: str | None = None, tables: Sequence[str] | None = None) -> Snapshot:
-        """Freeze the files of this moment; without a name it is named by its content.
+    def freeze(
+        self, name: str | None = None, tables: Sequence[str] | None = None, wanted: Wanted = None
+    ) -> Snapshot:
+        """Freeze the files of this moment, or those wanted; without a name the content names it.
 
         Raises:
             ConflictError: the name is taken by another list of files.
         """
         chosen = [t for t in table_names() if not is_view(t)] if tables is None else list(tables)
         entries = self._entries(chosen, None)
-        flat = [entry for table in sorted(entries) for entry in entries[table]]
+        flat = [e for table in sorted(entries) for e in entries[table] if not wanted or wanted(e)]
         return snapshots.freeze(self._files, name, chosen, flat)
 
     def snapshot(self, name: str, drive: tuple[str, str] | None = None) -> Snapshot:
@@ -263,9 +265,7 @@ class Store:
         """Make a selection the newest one; nothing is written when it already is."""
         snapshots.point_to(self._files, selection_id, name)
 
-    def newest_selection(
-        self, name: str | None = None, *, among: Collection[str] | None = None
-    ) -> str | None:
+    def newest_selection(self, name: str | None = None, among: Ids = None) -> str | None:
         """Id of the newest selection (`among` some), or of that which a name or an id means.
 
         Raises:
