@@ -43,15 +43,10 @@ def loop(count: int, **more: Any) -> rounds.Loop:
 
 
 def build(
-    store: Path,
-    count: int,
-    progress: Progress = None,
-    trained: Progress = None,
-    *,
-    tracking: bool = False,
+    store: Path, what: int | rounds.Loop, progress: Progress = None, trained: Progress = None
 ) -> BuildReport:
     return build_rounds(
-        loop(count, tracking=tracking),
+        loop(what) if isinstance(what, int) else what,
         str(store),
         workers=1,
         progress=progress or (lambda _: None),
@@ -124,11 +119,18 @@ def test_a_second_build_does_nothing(reference: Path) -> None:
 
 
 @pytest.fixture(scope="module")
-def followed(measured: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store of two rounds whose labels were tracked."""
+def planned() -> rounds.Loop:
+    """Two rounds whose labels are tracked."""
+    return loop(2, tracking=True)
+
+
+@pytest.fixture(scope="module")
+def followed(
+    measured: Path, planned: rounds.Loop, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
     store = tmp_path_factory.mktemp("followed") / "store"
     shutil.copytree(measured, store)
-    report = build(store, 2, tracking=True)
+    report = build(store, planned)
     assert report.count("failed") == report.count("skipped") == 0
     return store
 
@@ -159,18 +161,18 @@ def test_the_next_round_learns_from_what_tracking_adds(measured: Path, followed:
         assert kept == [(True,)]
 
 
-def test_a_second_build_with_tracking_does_nothing(followed: Path) -> None:
+def test_a_second_build_with_tracking_does_nothing(planned: rounds.Loop, followed: Path) -> None:
     before = digests(followed)
-    foreseen = dry_rounds(loop(2, tracking=True), str(followed))
+    foreseen = dry_rounds(planned, str(followed))
     assert foreseen.count("todo") == 0
-    report = build(followed, 2, tracking=True)
+    report = build(followed, planned)
     assert report.count("made") == 0
-    assert report.count("done") == foreseen.count("done") == loop(2, tracking=True).units
+    assert report.count("done") == foreseen.count("done") == planned.units
     assert digests(followed) == before
 
 
 def test_tracking_that_was_stopped_goes_on_where_it_was(
-    measured: Path, followed: Path, tmp_path: Path
+    measured: Path, planned: rounds.Loop, followed: Path, tmp_path: Path
 ) -> None:
     store = tmp_path / "store"
     shutil.copytree(measured, store)
@@ -180,8 +182,8 @@ def test_tracking_that_was_stopped_goes_on_where_it_was(
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        build(store, 2, progress=stop, tracking=True)
-    build(store, 2, tracking=True)
+        build(store, planned, progress=stop)
+    build(store, planned)
     assert digests(store) == digests(followed)
 
 
