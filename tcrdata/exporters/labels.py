@@ -183,11 +183,8 @@ class ChosenLabels:
             files: look up where images and points lie; without, their paths are NULL.
         """
         for dataset, first, last in _groups(self._sizes):
-            place = {
-                "exported_dataset": dataset,
-                "first_sequence": first,
-                "last_sequence": last,
-            }
+            span = {"first_sequence": first, "last_sequence": last}
+            place = {"exported_dataset": dataset, **span}
             frames = run_report(
                 self.connection, "exported_frames", {**place, "with_files": files}
             ).to_arrow_table()
