@@ -22,6 +22,7 @@ import numpy as np
 from scipy.ndimage import map_coordinates
 
 from tcrdata.store import open_store
+from tcrdata.tracking.cell_points import cell_points
 from tcrdata.tracking.long_range import Volume, score_paths
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import FloatArray
@@ -53,7 +54,7 @@ def main() -> None:
     values = random.random((given.steps, 64, 12, 64)).astype(np.float32)
     nothing = Candidates(np.zeros((0, 7)), np.zeros(0), np.zeros(0, dtype=bool), ())
     empty = np.zeros((0, 3), np.float32)
-    scene = Scene(0, empty, empty, nothing, Nowhere())
+    scene = Scene(0, cell_points(empty), empty, nothing, Nowhere())
     volumes = [Volume(v, np.zeros(3), 0.4, scene, 0.2) for v in values]
     shape = (given.paths, given.steps, 3)
     paths = (random.random(shape) * np.array([62.0, 10.0, 62.0]) * 0.4).astype(np.float32)

@@ -1,7 +1,8 @@
 -- An object followed over time, one row a frame, as tracking from a selection's labels found it.
 -- weight: light
 create table tracklets (
-    tracklet_id varchar not null,    -- dataset/sequence/tracklet/number: the same in every frame
+    tracklet_id varchar not null,    -- dataset/sequence/tracklet-selection/number: the same in every frame
+    selection_id varchar not null,   -- selections.selection_id: whose labels were followed
     dataset varchar not null,        -- name of the dataset adapter
     sequence varchar not null,       -- drive or clip
     frame integer not null,          -- number of the frame

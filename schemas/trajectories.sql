@@ -3,6 +3,7 @@
 create table trajectories (
     trajectory_id varchar not null,  -- tracklet_id/first frame
     tracklet_id varchar not null,    -- tracklets.tracklet_id
+    selection_id varchar not null,   -- selections.selection_id: whose labels were followed
     dataset varchar not null,        -- name of the dataset adapter
     sequence varchar not null,       -- drive or clip
     frame integer not null,          -- number of its first frame

@@ -1,12 +1,13 @@
 -- An object followed over time from its first labelled box: for evaluation alone, as ground_truth is.
 -- weight: light
 create table truth_tracklets (
-    tracklet_id varchar not null,    -- dataset/sequence/tracklet/number: the same in every frame
+    tracklet_id varchar not null,    -- dataset/sequence/truth_tracklet-selection/number: the same in every frame
     object_id varchar not null,      -- ground_truth.object_id that it began with
+    selection_id varchar not null,   -- selections.selection_id: whose labels' boxes were candidates
     dataset varchar not null,        -- name of the dataset adapter
     sequence varchar not null,       -- drive or clip
     frame integer not null,          -- number of the frame
-    round integer not null,          -- EM round of the labels whose boxes were candidates
+    round integer not null,          -- EM round of the labels
     library boolean not null,        -- whether the library of trajectories was used
     tracker varchar not null,        -- nearest, correlation or auto
     found varchar not null,          -- given (the first, true box), nearest, correlation; out of sight: library, container (rides inside another object) or interpolated

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 from tcrdata import registry
 from tcrdata.errors import DatasetError
@@ -12,6 +13,7 @@ from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, needed_stages
 from tcrdata.rounds import Loop
 from tcrdata.store import Store, Unit, open_store, store_exists
 from tcrdata.store.failures import current_failures
+from tcrdata.store.followed import BOXES
 from tcrdata.trainings import known_model, learnable, recipe_of
 from tcrdata.types import Dataset, SequenceInfo
 
@@ -24,6 +26,7 @@ def dry_rounds(loop: Loop, store_url: str) -> BuildReport:
     What follows from something that is to do is to do as well.
     """
     report = dry_run(loop.first, store_url)
+    report = BuildReport((*report.outcomes, *_tracked(loop, store_url, ROUND, report)))
     for number in range(ROUND + 1, loop.rounds + 1):
         models: dict[str, str] = {}
         kinds = list(loop.kinds)
@@ -44,22 +47,50 @@ def dry_rounds(loop: Loop, store_url: str) -> BuildReport:
             units = (unit for sequence in plan.sequences for unit in plan.units(sequence))
             outcomes.extend(UnitOutcome(unit, "todo") for unit in units)
         report = BuildReport((*report.outcomes, *outcomes))
+        report = BuildReport((*report.outcomes, *_tracked(loop, store_url, number, report)))
     return report
+
+
+def _tracked(loop: Loop, store_url: str, number: int, before: BuildReport) -> Iterator[UnitOutcome]:
+    """Yield the units of a round's tracking: what is there is done, if all before is."""
+    if not loop.followers:
+        return
+    from tcrdata.track_plans import plan_tracking, units_of
+
+    plan = loop.plan(number, {})
+    if before.count("todo"):
+        for sequence in plan.sequences:
+            for kind in ("tracklets", "tracklets_library", BOXES):
+                yield UnitOutcome(Unit(kind, plan.dataset_name, sequence, number), "todo")
+        return
+    store = open_store(store_url)
+    chosen = _newest(store, plan.loaded[0].name, number)
+    if chosen is None or not chosen["labels"]:
+        return
+    for unit in units_of(plan_tracking(store, chosen["selection_id"])):
+        yield UnitOutcome(unit, "todo" if store.record(unit) is None else "done")
 
 
 def _models(loop: Loop, store: Store, number: int) -> dict[str, str]:
     """Kind to the id of the finished model of a round's newest labels, where there is one."""
-    leader = loop.plan(number, {}).loaded[0].name
-    newest = store.newest_selection(leader)
-    rows = store.read("selections", selection_id=newest, round=number).to_pylist()
-    if not rows:
-        rows = store.read("selections", preset=leader, round=number).to_pylist()
+    leader = loop.follower(number) or loop.plan(number, {}).loaded[0]
+    chosen = _newest(store, leader.name, number)
+    if chosen is None:
+        return {}
     found = {
-        kind: known_model(store, recipe_of(kind, loop.training), row["selection_id"])
+        kind: known_model(store, recipe_of(kind, loop.training), chosen["selection_id"])
         for kind in loop.kinds
-        for row in rows[-1:]
     }
     return {kind: row["model_id"] for kind, row in found.items() if row and row["finished"]}
+
+
+def _newest(store: Store, preset: str, number: int) -> dict[str, Any] | None:
+    """Return the row of a round's newest selection of a preset; None without one."""
+    newest = store.newest_selection(preset)
+    rows = store.read("selections", selection_id=newest, round=number).to_pylist()
+    if not rows:
+        rows = store.read("selections", preset=preset, round=number).to_pylist()
+    return rows[-1] if rows else None
 
 
 def dry_run(plan: Plan, store_url: str) -> BuildReport:

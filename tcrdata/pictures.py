@@ -17,10 +17,9 @@ from tcrdata.plan import ROUND
 from tcrdata.reports import run_report
 from tcrdata.store import Store
 from tcrdata.store.arrays import decode_flow, decode_points
-from tcrdata.types import FloatArray, Frame
+from tcrdata.types import BOX_COLUMNS, FloatArray, Frame
 
 FRAMES_BY_DEFAULT = 5
-BOX_COLUMNS = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 def draw_frames(

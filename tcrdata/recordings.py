@@ -16,11 +16,11 @@ from tcrdata.errors import SettingsError
 from tcrdata.evidence.poses import Poses, read_poses
 from tcrdata.frame_ranges import parse_frame_ranges
 from tcrdata.ingest import frames_of
-from tcrdata.pictures import BOX_COLUMNS, read_votes, sequence_row
+from tcrdata.pictures import read_votes, sequence_row
 from tcrdata.plan import ROUND
 from tcrdata.reports import run_report
 from tcrdata.store import Store
-from tcrdata.types import Dataset, FloatArray, Frame
+from tcrdata.types import BOX_COLUMNS, Dataset, FloatArray, Frame
 
 if TYPE_CHECKING:
     from tcrdata.views.rerun_recording import RecordedBoxes, RecordedFrame

@@ -19,12 +19,15 @@ from tcrdata.frame_ranges import FrameRanges
 from tcrdata.outcomes import BuildReport
 from tcrdata.pipeline import Progress
 from tcrdata.plan import Plan
-from tcrdata.rules import Preset, load_preset
+from tcrdata.rules import Preset, load_follower, load_preset, select
 from tcrdata.store import open_store
 from tcrdata.trainings import Trained, check_torch, learn, learnable, recipe_of
 
 LEADER = "tcrdata"
 """Of all presets together, the one whose labels are learnt from."""
+
+STAGES_OF_TRACKING = 3
+"""Units of a sequence whose labels are tracked: short range, with the library, boxes added."""
 
 _TRAIN = "train"
 
@@ -38,12 +41,17 @@ class Loop:
         later: what each later round makes, None without one; with which models comes to be known.
         rounds: how many.
         training: `name=value` of the trainings; `detector.name` is for that kind alone.
+        followers: presets that select once more after the labels of the first round, and of each
+            later one, were tracked; none without tracking.
+        following: overrides of their parameters, and of others.
     """
 
     first: Plan
     later: Plan | None = None
     rounds: int = planning.ROUND
     training: Mapping[str, str] = field(default_factory=dict)
+    followers: tuple[Preset, ...] = ()
+    following: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -55,11 +63,16 @@ class Loop:
     @property
     def units(self) -> int:
         """Number of units of work, a training counted as one."""
-        own = len(self.first.stages) * len(self.first.sequences)
+        followed = STAGES_OF_TRACKING if self.followers else 0
+        own = (len(self.first.stages) + followed) * len(self.first.sequences)
         if self.later is None:
             return own
-        each = len(self.later.stages) * len(self.later.sequences) + len(self.kinds)
+        each = (len(self.later.stages) + followed) * len(self.later.sequences) + len(self.kinds)
         return own + (self.rounds - planning.ROUND) * each
+
+    def follower(self, number: int) -> Preset | None:
+        """Return the preset that selects after a round's labels were tracked; None for none."""
+        return self.followers[min(number, len(self.followers)) - 1] if self.followers else None
 
     def plan(self, number: int, models: Mapping[str, str]) -> Plan:
         """Return the plan of a round.
@@ -86,6 +99,7 @@ def plan_rounds(
     frames: FrameRanges | None = None,
     presets: tuple[str, ...] = ("tcrdata",),
     assignments: Mapping[str, str] | None = None,
+    tracking: bool = False,
 ) -> Loop:
     """Return the plan of a build.
 
@@ -97,49 +111,51 @@ def plan_rounds(
         frames: which frames of each; None for all.
         presets: of the first round; the models learn from the labels of the first one named.
         assignments: as in `plan_build`, and `train.name=value` for the trainings.
+        tracking: whether each round's labels are tracked, and decided again with what that adds.
 
     Raises:
-        SettingsError: PyTorch is missing, an unknown name or value, or a preset without successor.
+        SettingsError: PyTorch is missing, an unknown name or value, or a preset without successor
+            or, with tracking, without follower.
         DatasetError: the root is none of this dataset, or lacks a sequence.
     """
     values = dict(assignments or {})
+    if "all" in presets:
+        presets = tuple(sorted(planning.first_round_presets(), key=lambda name: name != LEADER))
+    if tracking:  # those that follow select when there is something to follow
+        presets = tuple(name for name in presets if not load_preset(name).follows)
+    followers: tuple[Preset, ...] = (load_follower(presets[0]),) if tracking and presets else ()
+    make = partial(pipeline.plan_build, dataset, root, sequences=sequences, frames=frames)
     if rounds == planning.ROUND:
-        return Loop(
-            pipeline.plan_build(
-                dataset, root, sequences=sequences, frames=frames, presets=presets,
-                assignments=values,
-            )
-        )  # fmt: skip
+        added = tuple(str(follower.file.path) for follower in followers)
+        whole = make(presets=(*presets, *added), assignments=values)
+        first = _with_presets(whole, presets)
+        return Loop(first, followers=followers, following=whole.parameters)
     check_torch(rounds)
     training = {
         name.partition(".")[2]: values.pop(name)
         for name in list(values)
         if name.startswith(f"{_TRAIN}.")
     }
-    names, successors, others = _presets_of_rounds(presets, values)
+    successors = tuple(dict.fromkeys(_successor(load_preset(name)) for name in presets))
+    if followers:
+        followers = (*followers, load_follower(successors[0]))
     # What another preset accepts is no background to learn from: its evidence is needed, too.
-    whole = pipeline.plan_build(
-        dataset, root, sequences=sequences, frames=frames, assignments=values,
-        presets=tuple(dict.fromkeys((*names, *successors, *others))),
-    )  # fmt: skip
-    first, later = (_part(whole, part, anew=part is successors) for part in (names, successors))
-    loop = Loop(first, later, rounds, training)
+    names = (*presets, *successors, *(str(follower.file.path) for follower in followers))
+    whole = make(
+        presets=tuple(dict.fromkeys((*names, *_others(names, values)))), assignments=values
+    )
+    first, later = (_part(whole, part, anew=part is successors) for part in (presets, successors))
+    loop = Loop(first, later, rounds, training, followers, whole.parameters)
     for kind in loop.kinds:
         recipe_of(kind, loop.training)
     return loop
 
 
-def _presets_of_rounds(
-    presets: tuple[str, ...], values: Mapping[str, str]
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]]:
-    """Names of the presets of the first round, of the later ones, and of those that they name."""
-    names = presets
-    if "all" in presets:
-        names = tuple(sorted(planning.first_round_presets(), key=lambda name: name != LEADER))
-    successors = tuple(dict.fromkeys(_successor(load_preset(name)) for name in names))
+def _others(names: tuple[str, ...], values: Mapping[str, str]) -> tuple[str, ...]:
+    """Names of the presets that presets name: what these accept is left undecided."""
     parameters = {name: text for name, text in values.items() if "." not in name}
-    chosen = planning.loaded_presets((*names, *successors), parameters)
-    return names, successors, tuple(other.name for preset in chosen for other in preset.others)
+    chosen = planning.loaded_presets(names, parameters)
+    return tuple(other.name for preset in chosen for other in preset.others)
 
 
 def build_rounds(
@@ -165,12 +181,10 @@ def build_rounds(
         TcrdataError: the store cannot be written, a round gives no labels to learn from, or a
             training goes astray.
     """
-    if loop.later is None:
-        return pipeline.build(
-            loop.first, store_url, workers=workers, progress=progress, snapshot=snapshot
-        )
-    make = partial(pipeline.build, workers=workers, progress=progress, newest=False)
-    report = make(loop.first, store_url)
+    only = loop.later is None
+    make = partial(pipeline.build, workers=workers, progress=progress, newest=only)
+    follow = partial(_followed, loop, store_url, workers=workers, progress=progress, newest=only)
+    report = follow(make(loop.first, store_url, snapshot=snapshot), planning.ROUND, {})
     store = open_store(store_url)
     for number in range(planning.ROUND + 1, loop.rounds + 1):
         if len(report.leading) < number - planning.ROUND:
@@ -181,25 +195,66 @@ def build_rounds(
             learnt[kind] = learn(store, recipe, report.leading[-1], trained)
             progress(learnt[kind])
         models = {kind: outcome.unit.sequence for kind, outcome in learnt.items()}
-        made = make(loop.plan(number, models), store_url)
+        made = follow(make(loop.plan(number, models), store_url), number, models)
         calibrate(store, number)
         outcomes = (*report.outcomes, *learnt.values(), *made.outcomes)
         report = BuildReport(outcomes, (*report.selections, *made.selections))
     return report
 
 
+def _followed(
+    loop: Loop,
+    store_url: str,
+    made: BuildReport,
+    number: int,
+    models: Mapping[str, str],
+    *,
+    workers: int,
+    progress: Progress,
+    newest: bool,
+) -> BuildReport:
+    """Track what a round labelled; what its follower selects then leads the round.
+
+    Correlation takes the features of the detector that the round was measured with, not of a later
+    one: the same round is tracked the same way, whatever was learnt since.
+    """
+    from tcrdata.track_plans import plan_tracking
+    from tcrdata.track_runs import track
+
+    follower = loop.follower(number)
+    if follower is None or not made.selections or not made.selections[0].labels:
+        return made
+    own = made.selections[0].selection_id
+    tracking = plan_tracking(open_store(store_url), own, detector=models.get("detector", ""))
+    outcomes = track(store_url, tracking, workers=workers, progress=progress)
+    selection = select(
+        open_store(store_url),
+        follower,
+        overrides=planning.own_parameters(follower, dict(loop.following)),
+        round=number,
+        leave_out_unfinished=True,
+        newest=newest,
+        followed=own,
+    )
+    return BuildReport((*made.outcomes, *outcomes), (selection, *made.selections))
+
+
+def _with_presets(plan: Plan, names: tuple[str, ...]) -> Plan:
+    """A plan that selects with some of its presets alone, and measures as much."""
+    loaded = tuple(preset for preset in plan.loaded if preset.name in _stems(names))
+    return replace(plan, presets=names, loaded=loaded)
+
+
 def _part(plan: Plan, names: tuple[str, ...], *, anew: bool) -> Plan:
     """The part of a plan that is made once, or in each later round again, with its presets."""
     cues = tuple(cue for cue in plan.cues if planning.speaks_anew(cue) == anew)
-    loaded = tuple(preset for preset in plan.loaded if preset.name in _stems(names))
-    own = {name for preset in loaded for name in preset.parameters}
+    chosen = _with_presets(plan, names)
+    own = {name for preset in chosen.loaded for name in preset.parameters}
     return replace(
-        plan,
-        presets=names,
+        chosen,
         cues=cues,
         cue_settings={cue: plan.cue_settings[cue] for cue in cues},
         parameters={name: text for name, text in plan.parameters.items() if name in own},
-        loaded=loaded,
         round=planning.ROUND + anew,
     )
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 from tcrdata import settings
 from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.store import Store, Unit
+from tcrdata.store.followed import BOXES, stage_of
 from tcrdata.tracking.library import LibrarySettings
 from tcrdata.tracking.short_range import ShortRangeSettings, TrackerName, short_range
 from tcrdata.tracking.tracker_settings import TrackerSettings
@@ -72,6 +73,7 @@ def plan_tracking(
     library: bool = True,
     tracker: TrackerName = "auto",
     assignments: Mapping[str, str] | None = None,
+    detector: str | None = None,
 ) -> TrackPlan:
     """Return the plan of a tracking.
 
@@ -82,6 +84,8 @@ def plan_tracking(
         library: whether what is lost is looked for along the library's paths.
         tracker: nearest, correlation or auto.
         assignments: `name=value` of the settings; `library_entries.name=value` of the rule.
+        detector: id of the one whose features are correlated, empty for none; the newest of these
+            labels or earlier ones when None.
 
     Raises:
         SettingsError: an unknown name or value.
@@ -93,9 +97,11 @@ def plan_tracking(
     short_range(chosen.tracker, chosen.short)
     rows = store.read("selections", selection_id=selection_id).to_pylist()
     sequences = _sequences(store, selection_id, start)
+    if detector is None:
+        detector = detector_of(store, rows[0]["round"])
     return TrackPlan(
         selection_id, rows[0]["round"], start, library, chosen,
-        detector_of(store, rows[0]["round"]) if chosen.features == "auto" else "",
+        detector if chosen.features == "auto" else "",
         {name.partition(".")[2]: float(text) for name, text in rule.items()}, sequences,
     )  # fmt: skip
 
@@ -161,13 +167,22 @@ def passes(plan: TrackPlan) -> list[tuple[bool, Start]]:
     return passes
 
 
-def number_of_units(plan: TrackPlan) -> int:
-    """Return how many units of work a tracking has."""
-    each = len(passes(plan)) + (plan.start == "labels")
-    return each * len(plan.sequences)
+def units_of(plan: TrackPlan) -> list[Unit]:
+    """Return the units of work of a tracking, in order."""
+    parts = [replace(plan, library=library, start=start) for library, start in passes(plan)]
+    units = [unit_of(part, *key) for part in parts for key in plan.sequences]
+    if plan.start == "labels":
+        units += [boxes_of(plan, *key) for key in plan.sequences]
+    return units
+
+
+def boxes_of(plan: TrackPlan, dataset: str, sequence: str) -> Unit:
+    """Return the unit of the proposals that one sequence's tracklets are."""
+    return Unit(stage_of(BOXES, plan.selection_id), dataset, sequence, plan.round)
 
 
 def unit_of(plan: TrackPlan, dataset: str, sequence: str) -> Unit:
     """Return the unit of work of one sequence."""
     stage = "tracklets" if plan.start == "labels" else "truth_tracklets"
-    return Unit(stage + ("_library" if plan.library else ""), dataset, sequence, plan.round)
+    kind = stage + ("_library" if plan.library else "")
+    return Unit(stage_of(kind, plan.selection_id), dataset, sequence, plan.round)

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from tcrdata import __version__, registry, settings
@@ -19,18 +22,19 @@ from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import FRAMES, TRUTH
 from tcrdata.reports import run_report
 from tcrdata.store import Store, Unit, open_store
-from tcrdata.track_plans import TrackPlan, passes, unit_of
-from tcrdata.tracked_rows import BOX, RowMaker, columns_of
+from tcrdata.store.followed import stage_of
+from tcrdata.track_plans import TrackPlan, boxes_of, passes, unit_of
+from tcrdata.tracked_rows import RowMaker, columns_of
 from tcrdata.tracked_scenes import SceneSource, scene_source
+from tcrdata.tracking.known_fits import KnownFits
 from tcrdata.tracking.library import library_of_rows
 from tcrdata.tracking.short_range import short_range
 from tcrdata.tracking.tracker import Finished, Tracker
-from tcrdata.tracklet_boxes import STAGE as BOXES
 from tcrdata.tracklet_boxes import write_boxes
 from tcrdata.truth_starts import first_boxes
-from tcrdata.types import FloatArray
+from tcrdata.types import BOX_COLUMNS, FloatArray
 
-_LABEL_COLUMNS = ("proposal_id", "frame", "state", "score", "source", "track_id", *BOX)
+_LABEL_COLUMNS = ("proposal_id", "frame", "state", "score", "source", "track_id", *BOX_COLUMNS)
 _ROWS_AT_ONCE = 4096
 _READ = (FRAMES, "ground", "odometry", "flow_ransac", "flow", "objectness2d", "objectness3d")
 """Stages whose rows trackers read: poses, ground, flow, and what networks say of proposals."""
@@ -45,13 +49,14 @@ def track(
         TcrdataError: the store cannot be read or written.
     """
     outcomes = []
-    for library, start in passes(plan):
-        store = open_store(store_url)
-        entries = _library_rows(store, plan) if library else []
-        part = replace(plan, library=library, start=start)
-        for outcome in _outcomes(store_url, part, entries, workers):
-            progress(outcome)
-            outcomes.append(outcome)
+    with TemporaryDirectory(prefix="tcrdata-track-") as spool:
+        for library, start in passes(plan):
+            store = open_store(store_url)
+            entries = _library_rows(store, plan) if library else []
+            part = replace(plan, library=library, start=start)
+            for outcome in _outcomes(store_url, part, entries, workers, spool):
+                progress(outcome)
+                outcomes.append(outcome)
     if plan.start == "labels":
         for outcome in _boxes(store_url, plan, outcomes):
             progress(outcome)
@@ -66,29 +71,35 @@ def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Itera
         if key in failed:
             continue
         store = open_store(store_url)
-        made = write_boxes(store, unit_of(plan, *key), library=plan.library)
-        unit = Unit(BOXES, *key, plan.round)
+        unit = boxes_of(plan, *key)
+        made = write_boxes(store, unit, unit_of(plan, *key), library=plan.library)
         yield UnitOutcome(unit, "made" if made else "done")
 
 
 def _outcomes(
-    store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int
+    store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int, spool: str
 ) -> Iterator[UnitOutcome]:
-    """Track sequences side by side; rows do not depend on how many at once."""
+    """Track sequences side by side; rows do not depend on how many at once.
+
+    The folder `spool` takes what one pass over a sequence finds that the next one asks again.
+    """
     known = settings.digest(entries)
     alone = workers < 2 or len(plan.sequences) < 2 or store_url.startswith("memory")
     beside = alone and workers > 1
-    tasks = [(store_url, plan, entries, known, beside, *key) for key in plan.sequences]
+    tasks = [
+        (store_url, plan, entries, known, beside, str(Path(spool, str(number))), *key)
+        for number, key in enumerate(plan.sequences)
+    ]
     with executor(1 if alone else workers) as parallel:
         assert isinstance(parallel, Serial | Processes)
         yield from parallel(_track_sequence, tasks)
 
 
 def _track_sequence(
-    task: tuple[str, TrackPlan, list[dict[str, Any]], str, bool, str, str],
+    task: tuple[str, TrackPlan, list[dict[str, Any]], str, bool, str, str, str],
 ) -> UnitOutcome:
     """Track one sequence; where it has the cores alone, frames are read beside."""
-    url, plan, entries, known, beside, dataset, sequence = task
+    url, plan, entries, known, beside, spooled, dataset, sequence = task
     store = open_store(url)
     unit = unit_of(plan, dataset, sequence)
     labels = _labels(store, plan.selection_id, dataset, sequence)
@@ -102,13 +113,23 @@ def _track_sequence(
             store, _dataset(store, dataset, sequence), dataset, sequence, labels, plan.round,
             _model(store, plan), beside=beside,
         )  # fmt: skip
-        with store.writer(unit, settings_hash=hash_, inputs=inputs) as writer:
-            for table, columns in _rows(store, plan, source, unit, entries, writer.error):
+        with (
+            _known_fits(plan, Path(spooled)) as fits,
+            store.writer(unit, settings_hash=hash_, inputs=inputs) as writer,
+        ):
+            for table, columns in _rows(store, plan, source, unit, entries, fits, writer.error):
                 writer.append(table, columns)
     except (DatasetError, EvidenceError, MissingEvidenceError) as error:
         return UnitOutcome(unit, "failed", str(error))
     record = store.record(unit)
     return UnitOutcome(unit, "made", frame_errors=record.failed_frames if record else ())
+
+
+def _known_fits(plan: TrackPlan, path: Path) -> AbstractContextManager[KnownFits | None]:
+    """Return the fits that the pass before this one left, or what this one leaves for the next."""
+    if plan.start == "truth" or (plan.library and not path.exists()):
+        return nullcontext()
+    return KnownFits(path)
 
 
 def _model(store: Store, plan: TrackPlan) -> Model | None:
@@ -150,10 +171,10 @@ def _inputs(
 
 
 def _library_rows(store: Store, plan: TrackPlan) -> list[dict[str, Any]]:
-    """Return what the rule lets into the library, of the round's tracklets."""
+    """Return what the rule lets into the library, of the selection's tracklets."""
     connection = store.connect(tables=("trajectories",))
     try:
-        parameters = {**plan.entries, "entries_round": plan.round}
+        parameters = {**plan.entries, "entries_selection": plan.selection_id}
         found = run_report(connection, "library_entries", parameters, folder="tracking")
         rows: list[dict[str, Any]] = found.to_arrow_table().to_pylist()
     finally:
@@ -167,6 +188,7 @@ def _rows(
     source: SceneSource,
     unit: Unit,
     entries: list[dict[str, Any]],
+    fits: KnownFits | None,
     failed: Callable[[int, str], None],
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Track one sequence; yields batches of rows, and tells `failed` of frames left out."""
@@ -175,27 +197,32 @@ def _rows(
     maker = RowMaker(
         source.world,
         source.tables,
-        f"{unit.dataset}/{unit.sequence}/{table.removesuffix('s')}",
+        f"{unit.dataset}/{unit.sequence}/{stage_of(table.removesuffix('s'), plan.selection_id)}",
         source.metric_scale,
-        {"library": plan.library, "tracker": plan.settings.tracker},
+        {
+            "selection_id": plan.selection_id,
+            "library": plan.library,
+            "tracker": plan.settings.tracker,
+        },
         source.labels,
         settings=plan.settings.library if with_paths else None,
     )
     waiting: dict[str, list[dict[str, Any]]] = defaultdict(list)
+    columns = {table: maker.tracklet_columns, "trajectories": columns_of}
     yield table, {}
     if with_paths:
         yield "trajectories", {}
     starts = _starts(store, plan, source, unit)
-    for finished in _followed(plan, source, entries, starts, failed):
+    for finished in _followed(plan, source, entries, starts, fits, failed):
         waiting[table] += maker.tracklet_rows(finished)
         waiting["trajectories"] += maker.trajectory_rows(finished.number, over=finished.over)
         for name, rows in waiting.items():
             if len(rows) > _ROWS_AT_ONCE:
-                yield name, columns_of(rows)
+                yield name, columns[name](rows)
                 rows.clear()
     for name, rows in waiting.items():
         if rows:
-            yield name, columns_of(rows)
+            yield name, columns[name](rows)
 
 
 def _followed(
@@ -203,13 +230,13 @@ def _followed(
     source: SceneSource,
     entries: list[dict[str, Any]],
     starts: dict[int, list[tuple[str, FloatArray]]] | None,
+    fits: KnownFits | None,
     failed: Callable[[int, str], None],
 ) -> Iterator[Finished]:
     """Yield what trackers hand on; where egomotion has a break, a new one begins."""
     own, scale = plan.settings, source.metric_scale
-    short = short_range(
-        own.tracker, replace(own.short, correlation=own.short.correlation.scaled(scale))
-    )
+    scaled = replace(own.short, correlation=own.short.correlation.scaled(scale))
+    short = short_range(own.tracker, scaled, fits)
     library = library_of_rows(entries, scale) if plan.library else None
     tracker: Tracker | None = None
     segment, number = -1, 0

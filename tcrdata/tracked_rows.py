@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -19,10 +19,10 @@ from tcrdata.tracking.targets import Sighting
 from tcrdata.tracking.tracker import Finished
 from tcrdata.types import Float32Array, FloatArray, Tables
 
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _NEAR_M = 0.1
 _SEEN_SHARE = 0.5
 _FLOWS = 8
+_BOX = "box"  # (7,) of a row that is not projected yet, level frame
 _PROBES = np.array(
     [[u, v, w] for u in (-0.3, 0, 0.3) for v in (-0.3, 0, 0.3) for w in (-0.3, 0, 0.3)]
 )
@@ -63,7 +63,7 @@ class RowMaker:
     )
 
     def tracklet_rows(self, finished: Finished) -> list[dict[str, Any]]:
-        """Return the rows of a tracklet that are settled now."""
+        """Return the rows of a tracklet that are settled now, for `tracklet_columns`."""
         path = self._paths.setdefault(finished.number, _Path())
         seen = [s.frame for s in (path.last, *finished.rows) if s is not None and not unseen(s)]
         rows = []
@@ -82,11 +82,7 @@ class RowMaker:
     def _row(
         self, finished: Finished, sighting: Sighting, before: Sighting | None
     ) -> dict[str, Any]:
-        frame = self.world.frames[sighting.frame]
-        box = self.world.box_to_level(sighting.frame, sighting.box)
         candidates = self.labels.get(sighting.frame, ())
-        placed = {name: values[0] for name, values in box_columns(box[None], frame).items()}
-        placed.pop("range_m")
         row = {
             "tracklet_id": f"{self.prefix}/{finished.number:05d}",
             "frame": sighting.frame,
@@ -95,7 +91,7 @@ class RowMaker:
             "proposal_id": (
                 candidates[sighting.candidate]["proposal_id"] if sighting.candidate >= 0 else None
             ),
-            **placed,
+            _BOX: self.world.box_to_level(sighting.frame, sighting.box),
             "visible_share": sighting.visible_share,
             "score": sighting.score,
             "number_of_points": sighting.points,
@@ -105,6 +101,22 @@ class RowMaker:
         if finished.object_id:
             row["object_id"] = finished.object_id
         return row
+
+    def tracklet_columns(self, rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
+        """Return rows of `tracklet_rows` as columns; boxes are projected a frame at a time."""
+        columns = columns_of(rows)
+        boxes = np.array(columns.pop(_BOX, [])).reshape(-1, 7)
+        frames = np.array(columns.get("frame", []), dtype=np.int64)
+        order = np.argsort(frames, kind="stable")
+        placed: dict[str, list[Any]] = defaultdict(list)
+        for own in np.split(order, np.flatnonzero(np.diff(frames[order])) + 1):
+            if len(own):
+                frame = self.world.frames[int(frames[own[0]])]
+                for name, values in box_columns(boxes[own], frame).items():
+                    placed[name] += values
+        back = np.argsort(order, kind="stable").tolist()
+        placed.pop("range_m", None)
+        return columns | {name: [values[i] for i in back] for name, values in placed.items()}
 
     def _speed(self, before: Sighting | None, now: Sighting) -> float | None:
         if before is None or not self.world.timed:
@@ -147,6 +159,7 @@ class RowMaker:
         return {
             "trajectory_id": f"{name}/{rows[0].frame:06d}",
             "tracklet_id": name,
+            "selection_id": self.constant["selection_id"],
             "frame": rows[0].frame,
             "frames": rows[-1].frame - rows[0].frame + 1,
             "metric_scale": self.metric_scale,

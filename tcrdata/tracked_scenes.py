@@ -31,24 +31,24 @@ from tcrdata.geometry.transforms import inverse
 from tcrdata.ingest import frames_of
 from tcrdata.plan import ROUND
 from tcrdata.store import Store, Unit
-from tcrdata.tracking.near_points import first_returns, unit_rows, world_points
+from tcrdata.tracking.cell_points import cell_points
+from tcrdata.tracking.near_points import first_returns, world_points
+from tcrdata.tracking.point_features import colour_features, reflectance_features, unit
 from tcrdata.tracking.scenes import Candidates, Scene
 from tcrdata.types import (
+    BOX_COLUMNS,
     BoolArray,
     Dataset,
     Float32Array,
     FloatArray,
     Frame,
-    ImageArray,
     PointCloud,
     Sensor,
     Tables,
 )
 
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _CELLS = LidarCells()
 _UNDECIDED = 0.5
-_HUE, _GREY = np.float32(1.2), np.float32(1.5)
 _ABOVE_M = 0.2  # times the metric scale: depth noise keeps a table about this thick
 
 
@@ -133,7 +133,7 @@ class SceneSource:
         points = world_points(cloud.xyz, kept, pose.astype(np.float32))
         return Scene(
             number,
-            points,
+            cell_points(points),
             self._features(frame, cloud, kept),
             self._candidates(number, self.labels.get(number, [])),
             FrameView(frame, self.sensor, cloud, pose),
@@ -170,7 +170,7 @@ class SceneSource:
         return reflectance_features(cloud.reflectance[kept])
 
     def _candidates(self, number: int, rows: list[dict[str, Any]]) -> Candidates:
-        boxes = np.array([[row[name] for name in BOX] for row in rows]).reshape(-1, 7)
+        boxes = np.array([[row[name] for name in BOX_COLUMNS] for row in rows]).reshape(-1, 7)
         placed = np.array([self.world.box_to_world(number, box) for box in boxes]).reshape(-1, 7)
         return Candidates(
             placed,
@@ -182,28 +182,6 @@ class SceneSource:
     def _heat(self, row: dict[str, Any]) -> float:
         """A label is an object; what is undecided is one as far as the networks say so."""
         return 1.0 if row["state"] == "positive" else self.heat.get(row["proposal_id"], _UNDECIDED)
-
-
-def colour_features(image: ImageArray, pixels: np.ndarray) -> Float32Array:
-    """Return (N, 5) unit vectors: occupancy, the hue as it stands out of the grey, and the grey.
-
-    The hue is taken relative to the grey: it is the same on a thing's dark side.
-    """
-    colours = image[pixels[:, 1], pixels[:, 0]].astype(np.float32) / np.float32(255)
-    grey = colours.mean(axis=1, keepdims=True)
-    hue = _HUE * (colours - grey) / (grey + np.float32(0.1))
-    return unit(np.column_stack([np.ones_like(grey), hue, _GREY * (grey - 0.35)]))
-
-
-def reflectance_features(reflectance: Float32Array) -> Float32Array:
-    """Return (N, 3) unit vectors: occupancy, and the reflectance as a direction."""
-    angle = reflectance.astype(np.float32) * np.float32(np.pi)
-    return unit(np.column_stack([np.full(len(angle), 1.5), np.cos(angle), np.sin(angle)]))
-
-
-def unit(features: np.ndarray) -> Float32Array:
-    """Return rows of length 1."""
-    return unit_rows(np.ascontiguousarray(features))
 
 
 def scene_source(

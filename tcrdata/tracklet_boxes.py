@@ -7,46 +7,42 @@ from __future__ import annotations
 
 from typing import Any
 
-from tcrdata.evidence.proposal_columns import of_round
 from tcrdata.store import Store, Unit
+from tcrdata.store.followed import BOXES
+from tcrdata.types import BOX_COLUMNS
 
 SOURCE = "tracklet"
-STAGE = "tracklet_boxes"
 _COPIED = (
-    "frame", "x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad", "left_px",
-    "top_px", "right_px", "bottom_px", "center_u_px", "center_v_px", "truncated_share",
-    "number_of_points", "speed_mps",
+    "frame", *BOX_COLUMNS, "left_px", "top_px", "right_px", "bottom_px", "center_u_px",
+    "center_v_px", "truncated_share", "number_of_points", "speed_mps",
 )  # fmt: skip
 _SEEN = ("nearest", "correlation")
 
 
-def write_boxes(store: Store, tracked: Unit, *, library: bool) -> bool:
+def write_boxes(store: Store, unit: Unit, tracked: Unit, *, library: bool) -> bool:
     """Commit one sequence's tracklets as proposals with their confidences.
 
     Args:
         store: holds the tracklets.
+        unit: that they become.
         tracked: the unit that made them.
         library: which of the two kinds of tracklets they are.
 
     Returns:
         Whether anything was written; False when these very tracklets' boxes are there.
     """
-    unit = Unit(STAGE, tracked.dataset, tracked.sequence, tracked.round)
     record = store.record(tracked)
     inputs = {tracked.stage: record.digest if record else "missing"}
-    if store.is_done(unit, STAGE, inputs):
+    if store.is_done(unit, BOXES, inputs):
         return False
     rows = store.read(
-        "tracklets",
-        dataset=unit.dataset,
-        sequence=unit.sequence,
-        round=unit.round,
-        library=library,
-    ).to_pylist()
+        "tracklets", dataset=unit.dataset, sequence=unit.sequence, library=library,
+        selection_id=unit.stage.partition("-")[2],
+    ).to_pylist()  # fmt: skip
     scale = store.read("sequences", columns=["metric_scale"], dataset=unit.dataset,
                        sequence=unit.sequence)["metric_scale"][0].as_py()  # fmt: skip
     sensors = _sensors(store, unit)
-    with store.writer(unit, settings_hash=STAGE, inputs=inputs) as writer:
+    with store.writer(unit, settings_hash=BOXES, inputs=inputs) as writer:
         writer.append("proposals", _proposals(rows, unit, scale, sensors))
         writer.append("confidences", _confidences(rows, unit))
     return True
@@ -98,6 +94,5 @@ def _confidences(rows: list[dict[str, Any]], unit: Unit) -> dict[str, list[Any]]
 
 
 def _name(row: dict[str, Any], unit: Unit) -> str:
-    number = row["tracklet_id"].rpartition("/")[2]
-    source = of_round(SOURCE, unit.round)
-    return f"{unit.dataset}/{unit.sequence}/{row['frame']:06d}/{source}/{number}"
+    _, _, name, number = row["tracklet_id"].rsplit("/", 3)
+    return f"{unit.dataset}/{unit.sequence}/{row['frame']:06d}/{name}/{number}"

@@ -11,9 +11,7 @@ from tcrdata.geometry.boxes import points_in_box
 from tcrdata.reports import run_report
 from tcrdata.store import Store
 from tcrdata.tracked_scenes import SceneSource
-from tcrdata.types import FloatArray
-
-_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+from tcrdata.types import BOX_COLUMNS, FloatArray
 
 
 def first_boxes(
@@ -53,7 +51,7 @@ def first_boxes(
         except FrameError:
             continue
         for row in fresh:
-            box = np.array([row[name] for name in _BOX], dtype=np.float64)
+            box = np.array([row[name] for name in BOX_COLUMNS], dtype=np.float64)
             if points_in_box(cloud.xyz, box).sum() >= least_points:
                 begun.add(str(row["series_id"]))
                 placed = source.world.box_to_world(frame, box)

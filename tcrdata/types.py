@@ -27,6 +27,9 @@ IntArray = NDArray[np.int64]
 ImageArray = NDArray[np.uint8]
 
 Sensor = Literal["lidar", "depth"]
+BOX_COLUMNS = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
+"""Columns of a row that make its box, in order."""
+
 T = TypeVar("T")
 R = TypeVar("R")
 

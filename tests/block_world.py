@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from tcrdata.tracking.cell_points import cell_points
 from tcrdata.tracking.scenes import Candidates, Scene, from_box
 
 FLOOR_M = 2.0
@@ -85,7 +86,7 @@ def scene(
     taken = [n for n in found if n in boxes and (owner == names.index(n)).sum() >= least_px]
     return Scene(
         frame,
-        points,
+        cell_points(points),
         features.astype(np.float32),
         Candidates(
             np.array([boxes[n] for n in taken]).reshape(-1, 7),

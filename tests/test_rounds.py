@@ -43,10 +43,10 @@ def loop(count: int, **more: Any) -> rounds.Loop:
 
 
 def build(
-    store: Path, count: int, progress: Progress = None, trained: Progress = None
+    store: Path, what: int | rounds.Loop, progress: Progress = None, trained: Progress = None
 ) -> BuildReport:
     return build_rounds(
-        loop(count),
+        loop(what) if isinstance(what, int) else what,
         str(store),
         workers=1,
         progress=progress or (lambda _: None),
@@ -116,6 +116,75 @@ def test_a_second_build_does_nothing(reference: Path) -> None:
     assert report.count("done") == loop(3).units
     assert not any(selection.made for selection in report.selections)
     assert digests(reference) == before
+
+
+@pytest.fixture(scope="module")
+def planned() -> rounds.Loop:
+    """Two rounds whose labels are tracked."""
+    return loop(2, tracking=True)
+
+
+@pytest.fixture(scope="module")
+def followed(
+    measured: Path, planned: rounds.Loop, tmp_path_factory: pytest.TempPathFactory
+) -> Path:
+    store = tmp_path_factory.mktemp("followed") / "store"
+    shutil.copytree(measured, store)
+    report = build(store, planned)
+    assert report.count("failed") == report.count("skipped") == 0
+    return store
+
+
+def test_the_next_round_learns_from_what_tracking_adds(measured: Path, followed: Path) -> None:
+    connection = open_store(str(followed)).connect()
+    led = "select m.labels_round, s.preset from models m join selections s using (selection_id)"
+    assert connection.sql(led).fetchall() == [(1, "tcrdata_tracked")]
+    chosen = connection.sql("select round, preset, selection_id from selections").fetchall()
+    ids = {(number, preset): own for number, preset, own in chosen}
+    assert sorted(ids) == [
+        (1, "tcrdata"), (1, "tcrdata_tracked"), (2, "tcrdata_learned"),
+        (2, "tcrdata_learned_tracked"),
+    ]  # fmt: skip
+    # Each follows its own round's labels, and what was selected before tracking is as it was.
+    tracked = connection.sql("select distinct round, selection_id from tracklets").fetchall()
+    assert set(tracked) == {(1, ids[1, "tcrdata"]), (2, ids[2, "tcrdata_learned"])}
+    assert ids[1, "tcrdata"] == open_store(str(measured)).newest_selection()
+    for number, before, after in (
+        (1, "tcrdata", "tcrdata_tracked"), (2, "tcrdata_learned", "tcrdata_learned_tracked")
+    ):  # fmt: skip
+        kept = connection.execute(
+            "select count(*) filter (source != 'tracklet') = (select count(*) from labels "
+            "where state = 'positive' and selection_id = $1) from labels "
+            "where state = 'positive' and selection_id = $2",
+            [ids[number, before], ids[number, after]],
+        ).fetchall()
+        assert kept == [(True,)]
+
+
+def test_a_second_build_with_tracking_does_nothing(planned: rounds.Loop, followed: Path) -> None:
+    before = digests(followed)
+    foreseen = dry_rounds(planned, str(followed))
+    assert foreseen.count("todo") == 0
+    report = build(followed, planned)
+    assert report.count("made") == 0
+    assert report.count("done") == foreseen.count("done") == planned.units
+    assert digests(followed) == before
+
+
+def test_tracking_that_was_stopped_goes_on_where_it_was(
+    measured: Path, planned: rounds.Loop, followed: Path, tmp_path: Path
+) -> None:
+    store = tmp_path / "store"
+    shutil.copytree(measured, store)
+
+    def stop(outcome: UnitOutcome) -> None:
+        if outcome.unit.stage.startswith("tracklets_library"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        build(store, planned, progress=stop)
+    build(store, planned)
+    assert digests(store) == digests(followed)
 
 
 def test_a_dry_run_needs_no_store(tmp_path: Path) -> None:
@@ -197,6 +266,7 @@ def test_without_torch_one_line_names_the_extra(monkeypatch: pytest.MonkeyPatch)
     [
         (("--rounds", 0), "at least one"),
         (("--rounds", 2, "--snapshot", "s"), "--snapshot"),
+        (("--tracking", "on", "--snapshot", "s"), "--snapshot"),
         (("--rounds", 2, "--preset", "detector"), "takes a model"),
         (("--rounds", 2, "--set", "train.stepz=3"), "train.stepz"),
         (("--rounds", 2, "--set", "min_nothing=3"), "min_nothing"),
@@ -221,6 +291,8 @@ def test_a_preset_without_successor_makes_one_round_only(tmp_path: Path) -> None
     )
     with pytest.raises(SettingsError, match="next"):
         loop(2, presets=(str(path),))
+    with pytest.raises(SettingsError, match="-- follows: mine"):
+        loop(1, presets=(str(path),), tracking=True)
 
 
 def test_the_other_presets_evidence_is_measured_too() -> None:

@@ -68,7 +68,7 @@ def test_a_tracking_that_was_killed_ends_byte_equal(tracked: Path, tmp_path: Pat
     store = tmp_path / "killed"
     shutil.copytree(tracked, store)
     for name in ("tracklets_library", "tracklet_boxes"):
-        (record,) = store.glob(f"commits/demo/*/{name}.r1.g1.json")
+        (record,) = store.glob(f"commits/demo/*/{name}-*.r1.g1.json")
         record.unlink()
     done("track", "--store", store, "--workers", 1)
     assert digests(store) == digests(tracked)
@@ -119,6 +119,31 @@ def test_tracklets_are_exported(tracked: Path, tmp_path: Path) -> None:
     assert len(lines) == len(rows(tracked, "tracklets", library=True))
     message = refused("export", "coco", "--tracklets", "--store", tracked, "--out", tmp_path / "c")
     assert "export kitti-tracking or mot" in message
+
+
+def test_each_selections_tracklets_stay_and_change_no_other_selection(
+    built: Path, tracked: Path, tmp_path: Path
+) -> None:
+    store = tmp_path / "both"
+    shutil.copytree(tracked, store)
+    first = str(open_store(str(built)).newest_selection())
+    done("check", "--store", store, "--preset", "tabletop", "--set", "min_points=200",
+         "--name", "few")  # fmt: skip
+    done("track", "--store", store, "--selection", "few", "--library", "off", "--workers", 1)
+    before, after = rows(tracked, "tracklets"), rows(store, "tracklets", selection_id=first)
+    assert after == before
+    few = rows(store, "tracklets", selection_id=str(open_store(str(store)).newest_selection("few")))
+    assert few
+    boxes = rows(store, "proposals", source="tracklet")
+    assert len({row["proposal_id"] for row in boxes}) == len(boxes)
+    for words, expected in (((), few), (("--selection", first), before)):
+        out = tmp_path / str(len(words))
+        done("export", "mot", "--tracklets", "--store", store, "--out", out, *words)
+        lines = (out / "table_0000.txt").read_text().splitlines()
+        linked = any(row["library"] for row in expected)
+        assert len(lines) == sum(row["library"] == linked for row in expected)
+    again = done("check", "--store", store, "--preset", "tabletop", "--json").json
+    assert again["selection_id"] == first
 
 
 def test_a_library_of_zero_entries_still_follows(built: Path, tmp_path: Path) -> None:
@@ -191,4 +216,4 @@ def test_what_cannot_be_tracked_is_said(built: Path, tmp_path: Path) -> None:
         plan_tracking(opened, str(opened.newest_selection("tabletop")), start="truth")
     )
     message = refused("evaluate", "tracking", "--store", store, "--selection", "tabletop")
-    assert "nothing was tracked yet" in message
+    assert "was tracked yet: run" in message

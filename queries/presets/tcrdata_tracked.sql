@@ -6,6 +6,7 @@
 -- required: source, alignment
 -- cues: odometry, tracks
 -- ignore: tcrdata_static
+-- follows: tcrdata
 -- next: tcrdata_learned
 -- loosened: min_travel_m = 2, min_age_frames = 3, min_travel_long_m = 1, min_straightness = 0.4,
 --   min_straightness_long = 0.5, min_core_share = 0.35, min_box_core_share = 0.2,

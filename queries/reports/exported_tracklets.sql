@@ -1,17 +1,17 @@
 -- Tracklets as labels, for exports: one row a box, those filled in out of sight too. With the library where anything was tracked with it.
-set variable selection_id = null::varchar;  -- which selection they are exported with; NULL = the first
+set variable selection_id = null::varchar;  -- whose labels were followed; NULL = the first
 
 with selected as (
-    select selection_id, round
+    select selection_id
     from selections
     where getvariable('selection_id') is null or selection_id = getvariable('selection_id')
     order by selection_id
     limit 1
 ),
 tracked as (
-    select t.*, s.selection_id, bool_or(t.library) over () as linked
+    select t.*, bool_or(t.library) over () as linked
     from tracklets t
-    join selected s using (round)
+    join selected s using (selection_id)
 )
 select selection_id, format('{}/{}', tracklet_id, frame) as proposal_id, dataset, sequence, frame, round,
        'positive' as state, null::varchar as ignored_because, coalesce(score, passable) as score,

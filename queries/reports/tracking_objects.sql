@@ -4,7 +4,6 @@
 -- scored is false outside the region (in front of a LiDAR a rectangle seen from above; always the
 -- 3D centre inside the image), and for labelled objects that are hidden.
 set variable selection_id = null::varchar;     -- whose labels; NULL = every one in the store
-set variable tracked_round = 1;                -- EM round of the tracklets
 set variable scored_dataset = null::varchar;   -- which dataset; NULL = all
 set variable scored_sequence = null::varchar;  -- which sequence; NULL = all
 set variable scored_kinds = null::varchar[];   -- which kinds; NULL = all
@@ -30,13 +29,13 @@ with objects as (
     select if(library, 'tracklet_library', 'tracklet') as kind, dataset, sequence, frame, tracklet_id as series_id,
            found, x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, speed_mps
     from tracklets
-    where round = getvariable('tracked_round')
+    where getvariable('selection_id') is null or selection_id = getvariable('selection_id')
     union all by name
     select if(library, 'truth_tracklet_library', 'truth_tracklet') as kind, dataset, sequence, frame,
            tracklet_id as series_id, object_id, found,
            x_m, y_m, z_m, length_m, width_m, height_m, yaw_rad, speed_mps
     from truth_tracklets
-    where round = getvariable('tracked_round')
+    where getvariable('selection_id') is null or selection_id = getvariable('selection_id')
 ),
 placed as (
     select o.*, f.width_px, f.height_px, f.projection as p, s.sensor = 'lidar' as has_region,

@@ -1,7 +1,7 @@
 -- Which paths become entries of the library: those that obey the flow and travel through what is
 -- object-like or invisible. Of many the ones that travel farthest, then by name.
 -- source: section 3.5, eq. 9
-set variable entries_round = 1;          -- EM round of the tracklets
+set variable entries_selection = null::varchar;  -- whose labels' paths; NULL = of every selection
 set variable min_passable = 0.99;       -- share: mean p along the path
 set variable max_flow_error_px = 5.0;   -- px: distance of the flow in the box from the projected motion; paths without flow pass
 set variable min_entry_frames = 6;      -- frames: shorter paths tell too little
@@ -11,7 +11,7 @@ set variable max_entries = 10000;       -- entries: so many at most
 select trajectory_id, tracklet_id, frames, metric_scale, first_step_m,
        along_m, down_m, across_m, turn_rad
 from trajectories
-where round = getvariable('entries_round')
+where (getvariable('entries_selection') is null or selection_id = getvariable('entries_selection'))
   and passable >= getvariable('min_passable')::double
   and coalesce(flow_error_px <= getvariable('max_flow_error_px')::double, true)
   and frames >= getvariable('min_entry_frames')

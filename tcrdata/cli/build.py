@@ -30,6 +30,7 @@ def build(
     sequences: str | None = None,
     frames: str | None = None,
     rounds: int = 1,
+    tracking: Literal["on", "off"] = "off",
     preset: str = "tcrdata",
     flow: Literal["dis", "raft"] | None = None,
     weights: str | None = None,
@@ -50,12 +51,15 @@ def build(
         store: folder or URL of the store; created when absent.
         root: where the dataset lies; generated datasets take a spec such as `seed=1,frames=50`.
         generate: so many clips of a dataset that can generate them, or a spec such as
-            `clips=10,seed=3,hard=true`; with --root they are written there.
+            `clips=10,seed=3,hard=true`; with --root they are written there, without they are drawn
+            each time they are read: to track them, or train on them, give one.
         renderer: what draws their images: raycast (the default), or blender, which writes them to
             --root, or else beside the store; it needs bpy, and takes `--set blender.samples=4`.
         sequences: only these, with commas between.
         frames: only these of each sequence: `0-49`, `0-9,20,30-`.
         rounds: rounds of the EM loop; those after the first train on the labels of the one before.
+        tracking: whether each round's labels are tracked, and decided again with what that adds, by
+            the preset that names theirs in `-- follows:`; the next round trains on that.
         preset: presets to select labels with, with commas between, or `all`.
         flow: what measures optical flow, for presets that read it: dis (the default) or raft.
         weights: file with the weights of RAFT; they are copied into the store.
@@ -85,6 +89,8 @@ def build(
         raise SettingsError(f"--rounds {rounds}: at least one is needed")
     if rounds > 1 and snapshot is not None:
         raise SettingsError("--snapshot fixes the evidence: later rounds would measure anew")
+    if tracking == "on" and snapshot is not None:
+        raise SettingsError("--snapshot fixes the evidence: what tracking adds would not be in it")
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
     if generate:
         root = root or _beside(store, renderer)
@@ -101,6 +107,7 @@ def build(
         frames=parse_frame_ranges(frames),
         presets=listed(preset) or (),
         assignments=values,
+        tracking=tracking == "on",
     )
     started = time.perf_counter()
     if dry_run:

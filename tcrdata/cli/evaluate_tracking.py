@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
-from tcrdata.cli.selected import selected
+from tcrdata.cli.selected import tracked
 
 if TYPE_CHECKING:
     from tcrdata.evaluation.tracking_scores import TrackingEvaluation
@@ -24,7 +24,7 @@ def evaluate_tracking(
 
     Args:
         store: folder or URL of the store.
-        selection: name or id of the labels' selection; the newest when left out.
+        selection: name or id of the labels' selection; the newest that was tracked when left out.
         out: folder for the pictures: overlap over time, and a timeline a sequence.
         json: print protocol and scores as JSON.
     """
@@ -34,7 +34,7 @@ def evaluate_tracking(
     from tcrdata.store import open_store
 
     opened = open_store(store)
-    chosen = selected(opened, selection)
+    chosen = tracked(opened, selection)
     settings = TrackingSettings()
     result = score(opened, chosen, settings)
     rounds = opened.read("selections", columns=["round"], selection_id=chosen)

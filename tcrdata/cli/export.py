@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl, listed
-from tcrdata.cli.selected import selected
+from tcrdata.cli.selected import selected, tracked
 from tcrdata.errors import SettingsError
 
 
@@ -38,7 +38,7 @@ def export(
             webdataset, or the dotted path of an exporter.
         store: folder or URL of the store.
         out: folder to write into.
-        selection: name or id; the newest when left out.
+        selection: name or id; the newest when left out, with --tracklets the newest tracked one.
         snapshot: only the labels and frames of this snapshot; those of this moment when left out.
         where: SQL condition over the columns of labels: only those that fulfil it are written.
         ignore: keep writes undecided labels as the format's ignore regions, drop leaves them out.
@@ -63,7 +63,7 @@ def export(
     opened = open_store(store)
     if snapshot is not None:
         opened = opened.at(snapshot)
-    chosen = selected(opened, selection)
+    chosen = (tracked if tracklets else selected)(opened, selection)
     options = ExportOptions(
         where=where,
         ignore=ignore,

@@ -10,6 +10,19 @@ if TYPE_CHECKING:
     from tcrdata.store import Store
 
 
+def tracked(store: Store, name: str | None) -> str:
+    """Return the id of a selection: of those that were tracked the newest, or the one named.
+
+    Raises:
+        MissingEvidenceError: there is none; says which there are.
+    """
+    from tcrdata.store.followed import tracked_selections
+
+    if name is None and (newest := store.newest_selection(among=tracked_selections(store))):
+        return newest
+    return selected(store, name)
+
+
 def selected(store: Store, name: str | None) -> str:
     """Return the id of a selection: the newest, or the one of this name or id.
 

@@ -40,7 +40,7 @@ def track(
         json: print what was done as JSON.
     """
     from tcrdata.store import open_store
-    from tcrdata.track_plans import number_of_units, plan_tracking
+    from tcrdata.track_plans import plan_tracking, units_of
     from tcrdata.track_runs import track as run
 
     count = workers if workers is not None else default_workers()
@@ -56,7 +56,7 @@ def track(
         assignments=parse_assignments(list(assignments)),
     )
     began = time.perf_counter()
-    with console.build_progress(number_of_units(plan)) as bar:
+    with console.build_progress(len(units_of(plan))) as bar:
         outcomes = run(store, plan, workers=count, progress=bar.advance)
     made = sum(outcome.state == "made" for outcome in outcomes)
     failed = [outcome for outcome in outcomes if outcome.state == "failed"]

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.reports import run_report
-from tcrdata.types import BoolArray, FloatArray
+from tcrdata.types import BOX_COLUMNS, BoolArray, FloatArray
 
-_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _BOX_2D = ("left_px", "top_px", "right_px", "bottom_px")
 
 
@@ -116,7 +115,7 @@ def _frames(table: Any, wanted: set[str]) -> Iterator[FrameObjects]:
     if not table.num_rows:
         return
     columns = {name: _numpy(table[name]) for name in table.column_names}
-    columns["box"] = np.stack([columns[name] for name in _BOX], axis=1)
+    columns["box"] = np.stack([columns[name] for name in BOX_COLUMNS], axis=1)
     columns["box_2d"] = np.stack([columns[name] for name in _BOX_2D], axis=1)
     columns["rotation"] = _lists(table["level_R_object"], 9).reshape(-1, 3, 3)
     columns["size"] = _lists(table["object_size_m"], 3)

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from tcrdata.evaluation.overlap import bev_overlap
-from tcrdata.types import BoolArray, FloatArray, IntArray
+from tcrdata.types import BOX_COLUMNS, BoolArray, FloatArray, IntArray
 
 TRUTH = "truth"
-_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def _series(name: str, part: Any) -> Series:
     return Series(
         name,
         _numbers(part, "frame").astype(np.int64),
-        np.column_stack([_numbers(part, column) for column in _BOX]),
+        np.column_stack([_numbers(part, column) for column in BOX_COLUMNS]),
         np.array([m or nan for m in part["level_R_object"].to_pylist()]).reshape(-1, 3, 3),
         np.array(sizes, dtype=np.float64).reshape(-1, 3),
         np.array(part["scored"].to_pylist(), dtype=bool),

@@ -41,7 +41,7 @@ def evaluate_tracking(
     """Score the tracklets of a store and the tracks of a selection's labels.
 
     Args:
-        store: holds ground truth, and tracklets of the selection's round.
+        store: holds ground truth, and tracklets of the selection.
         selection_id: whose labels.
         settings: the protocol; None for the default one.
 
@@ -63,8 +63,9 @@ def evaluate_tracking(
             part.add(sequence)
     if not found & {*STARTED, *FOLLOWED}:
         raise MissingEvidenceError(
-            "nothing was tracked yet: run `tcrdata track`, and `tcrdata track --init-from truth` "
-            "for the overlap from a true first box"
+            f"nothing of selection {selection_id[:12]} was tracked yet: run `tcrdata track "
+            f"--selection {selection_id[:12]}`, with `--init-from truth` for the overlap from a "
+            "true first box"
         )
     return TrackingEvaluation(
         describe_tracking(own),
@@ -93,8 +94,7 @@ def read_sequences(store: Store, selection_id: str) -> Iterator[SequenceSeries]:
     Raises:
         MissingEvidenceError: no sequence has any, or there is no such selection.
     """
-    rounds = store.read("selections", columns=["round"], selection_id=selection_id)
-    if not rounds.num_rows:
+    if not store.read("selections", columns=["round"], selection_id=selection_id).num_rows:
         raise MissingEvidenceError(f"there is no selection '{selection_id}'")
     tables = ("ground_truth", "labels", "tracklets", "truth_tracklets", "frames", "sequences")
     connection = store.connect(tables=tables)
@@ -105,7 +105,6 @@ def read_sequences(store: Store, selection_id: str) -> Iterator[SequenceSeries]:
         for dataset, sequence in keys:
             parameters = {
                 "selection_id": selection_id,
-                "tracked_round": rounds["round"][0].as_py(),
                 "scored_dataset": dataset,
                 "scored_sequence": sequence,
             }

@@ -12,10 +12,10 @@ from tcrdata.evaluation.identity import IdentityScores
 from tcrdata.evaluation.scoring import ALL, Score
 from tcrdata.evaluation.tracking_scores import TrackingEvaluation, TrackingSettings
 from tcrdata.store import Store, Unit
+from tcrdata.store.followed import TRACKED, stage_of
 
 STAGE = "tracking_metrics"
 NO_THRESHOLD = 0.0
-_TRACKED = ("tracklets", "tracklets_library", "truth_tracklets", "truth_tracklets_library")
 _MEANS = {"hota": "hota", "detection": "det_a", "association": "ass_a", "motp": "motp"}
 
 
@@ -44,10 +44,9 @@ def store_tracking_metrics(
         name: [row[name] for row in rows] for name in Score.__dataclass_fields__
     }
     columns["selection_id"] = [selection_id] * len(rows)
+    stages = {stage_of(kind, selection_id) for kind in TRACKED}
     inputs = {
-        str(record.unit): record.digest
-        for record in store.records()
-        if record.unit.stage in _TRACKED and record.unit.round == round_number
+        str(record.unit): record.digest for record in store.records() if record.unit.stage in stages
     }
     text = json.dumps(asdict(settings), sort_keys=True)
     with store.writer(

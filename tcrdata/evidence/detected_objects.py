@@ -34,7 +34,7 @@ from tcrdata.evidence.proposal_columns import merged
 from tcrdata.evidence.standing_boxes import FitSettings, fitted
 from tcrdata.evidence.static_map import thin
 from tcrdata.evidence.world import World, make_world
-from tcrdata.types import CueInput, Float32Array, FloatArray, Frame, Rows
+from tcrdata.types import BOX_COLUMNS, CueInput, Float32Array, FloatArray, Frame, Rows
 
 NEEDS: tuple[str, ...] = ("ground", "odometry", "free_space", "objectness3d")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
@@ -44,8 +44,6 @@ NEEDS_MODEL = "detector"
 DETECTOR = "detector"
 EVIDENCE_ROUND = 1
 """The round whose geometry is read: it is measured once."""
-
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
@@ -133,7 +131,9 @@ def _rows(
 
 def _detections(cue: CueInput, world: World) -> Detections:
     """Return the detections of this round that are sure enough, in the world."""
-    rows = cue.tables.read("proposals", columns=["proposal_id", "frame", *BOX], source=DETECTOR)
+    rows = cue.tables.read(
+        "proposals", columns=["proposal_id", "frame", *BOX_COLUMNS], source=DETECTOR
+    )
     words = cue.tables.read(
         "confidences", columns=["proposal_id", "confidence"], module="objectness_3d"
     )
@@ -141,7 +141,7 @@ def _detections(cue: CueInput, world: World) -> Detections:
         zip(words["proposal_id"].to_pylist(), words["confidence"].to_pylist(), strict=True)
     )
     score = np.array([scores[i] for i in rows["proposal_id"].to_pylist()], dtype=np.float64)
-    boxes = np.column_stack([rows[name].to_numpy() for name in BOX]).reshape(-1, 7)
+    boxes = np.column_stack([rows[name].to_numpy() for name in BOX_COLUMNS]).reshape(-1, 7)
     kept = np.flatnonzero(score >= cue.settings.least_score)
     frames = rows["frame"].to_numpy()[kept]
     return in_world(world, frames.tolist(), boxes[kept], score[kept])

@@ -10,10 +10,9 @@ import numpy as np
 
 from tcrdata.evidence.point_rows import EncodedPoints, read_encoded
 from tcrdata.evidence.proposal_columns import Columns
-from tcrdata.types import CueInput, FloatArray, Frame
+from tcrdata.types import BOX_COLUMNS, CueInput, FloatArray, Frame
 
 EVIDENCE_ROUND = 1
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
@@ -64,7 +63,7 @@ def frame_proposals(cue: CueInput, frame: Frame, columns: tuple[str, ...] = ()) 
     for number in sorted({EVIDENCE_ROUND, cue.round}):
         table = cue.tables.read(
             "proposals",
-            columns=["proposal_id", "source", *BOX, *columns],
+            columns=["proposal_id", "source", *BOX_COLUMNS, *columns],
             round=number,
             frame=frame.frame,
         )
@@ -72,13 +71,13 @@ def frame_proposals(cue: CueInput, frame: Frame, columns: tuple[str, ...] = ()) 
     listed = rows.values()
     boxes, values = (
         np.array([[row[name] for name in names] for row in listed], np.float64)
-        for names in (BOX, columns)
+        for names in (BOX_COLUMNS, columns)
     )
     return FrameProposals(
         frame,
         read_encoded(cue.tables, frame.frame, "ground", round=EVIDENCE_ROUND),
         tuple(rows),
         tuple(row["source"] for row in listed),
-        boxes.reshape(-1, len(BOX)),
+        boxes.reshape(-1, len(BOX_COLUMNS)),
         values.reshape(len(rows), len(columns)),
     )

@@ -23,7 +23,7 @@ from tcrdata.evidence.objectness_boxes import (
 )
 from tcrdata.evidence.point_rows import EncodedPoints, decode_matching, error_rows, read_encoded
 from tcrdata.evidence.proposal_columns import Columns
-from tcrdata.types import CueInput, Dataset, FloatArray, Frame, Rows, Sensor
+from tcrdata.types import BOX_COLUMNS, CueInput, Dataset, FloatArray, Frame, Rows, Sensor
 
 NEEDS: tuple[str, ...] = ("ground", "odometry", "free_space")
 GIVES: tuple[str, ...] = ("proposals", "confidences")
@@ -34,8 +34,6 @@ MODULE = "objectness_3d"
 EVIDENCE = ("ground", "height_m", "votes_free", "votes_static")
 EVIDENCE_ROUND = 1
 """The round whose cues a network reads: geometry is measured once."""
-
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
@@ -139,13 +137,13 @@ def _known(cue: CueInput, frame: Frame) -> Known:
     """Return the first round's proposals of a frame: they stay candidates in every round."""
     table = cue.tables.read(
         "proposals",
-        columns=["proposal_id", "source", *BOX],
+        columns=["proposal_id", "source", *BOX_COLUMNS],
         round=EVIDENCE_ROUND,
         frame=frame.frame,
     )
     # What a detector saw in an earlier run is no candidate of others.
     table = table.filter(np.asarray(table["source"].to_numpy(zero_copy_only=False) != SOURCE))
-    boxes = np.column_stack([table[name].to_numpy() for name in BOX])
+    boxes = np.column_stack([table[name].to_numpy() for name in BOX_COLUMNS])
     return Known(tuple(table["proposal_id"].to_pylist()), boxes.reshape(-1, 7))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import box_corners_bev
-from tcrdata.types import FloatArray, Frame, ImageArray, IntArray
+from tcrdata.types import BOX_COLUMNS, FloatArray, Frame, ImageArray, IntArray
 
 Columns = dict[str, list[Any]]
 
@@ -80,8 +80,7 @@ def box_columns(boxes: NDArray[np.floating], frame: Frame) -> Columns:
         frame: gives the sensor's place and the camera.
     """
     boxes = np.asarray(boxes, dtype=np.float64).reshape(-1, 7)
-    names = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
-    columns: Columns = {name: boxes[:, i].tolist() for i, name in enumerate(names)}
+    columns: Columns = {name: boxes[:, i].tolist() for i, name in enumerate(BOX_COLUMNS)}
     sensor = frame.sensor_matrix[:3, 3]
     columns["range_m"] = np.hypot(boxes[:, 0] - sensor[0], boxes[:, 2] - sensor[2]).tolist()
     return columns | _projections(boxes, frame)

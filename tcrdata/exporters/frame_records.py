@@ -40,7 +40,6 @@ OBJECT = {
 """The columns of an object: box_3d is x, y, z, length, width, height, yaw; box_2d left, top, right,
 bottom, NULL where no image shows it."""
 
-_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 _BOX_2D = ("left_px", "top_px", "right_px", "bottom_px")
 _PLAIN = ("state", "score", "track_id", "proposal_id", "number_of_points", "speed_mps")
 

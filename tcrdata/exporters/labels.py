@@ -22,13 +22,12 @@ from tcrdata.store import Store
 from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.schemas import is_view, table_names
 from tcrdata.store.table_arrays import by_sequence, columns, rows_at, truths, whole_numbers
-from tcrdata.types import BoolArray, FloatArray, IntArray
+from tcrdata.types import BOX_COLUMNS, BoolArray, FloatArray, IntArray
 
 _ROWS_AT_A_TIME = 200_000
 _READ = ("labels", "selections", "images", "sweeps")
 _JUDGED = "judged"  # schema of the tables as the selection read them
 _Size = tuple[str, str, int, int, int, int, int]  # a row of exported_sequences.sql
-_BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ class SequenceLabels:
     @property
     def boxes(self) -> FloatArray:
         """(N, 7) x, y, z of the geometric centre, length, width, height, yaw; level frame."""
-        return columns(self.labels, _BOX)
+        return columns(self.labels, BOX_COLUMNS)
 
     @property
     def positive(self) -> BoolArray:
@@ -184,11 +183,8 @@ class ChosenLabels:
             files: look up where images and points lie; without, their paths are NULL.
         """
         for dataset, first, last in _groups(self._sizes):
-            place = {
-                "exported_dataset": dataset,
-                "first_sequence": first,
-                "last_sequence": last,
-            }
+            span = {"first_sequence": first, "last_sequence": last}
+            place = {"exported_dataset": dataset, **span}
             frames = run_report(
                 self.connection, "exported_frames", {**place, "with_files": files}
             ).to_arrow_table()

@@ -10,8 +10,9 @@ import numpy as np
 from tcrdata import registry
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.ingest import frames_of
-from tcrdata.pictures import BOX_COLUMNS, read_votes
+from tcrdata.pictures import read_votes
 from tcrdata.store import Store
+from tcrdata.types import BOX_COLUMNS
 
 if TYPE_CHECKING:
     from tcrdata.inspection.why import Explanation

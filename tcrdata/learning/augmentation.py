@@ -42,9 +42,9 @@ class SweepAugmentation:
     height_jitter_m: float = 0.05
     erased_px: float = 20.0
     erased_most: float = 0.5
-    pasted: int = 4
+    pasted: int = 8
     pasted_farther: float = 2.0
-    pasted_stretch: float = 0.15
+    pasted_stretch: float = 0.25
     pasted_hidden_share: float = 0.5
 
 

@@ -21,9 +21,8 @@ from tcrdata.learning.clouds import Cloud, owners, points_of_labels
 from tcrdata.learning.pasting import labelled_objects, with_copies
 from tcrdata.networks.center_targets import LabelBoxes, TargetSettings
 from tcrdata.networks.grids import Region, Sweep, pixel_colours, projected
-from tcrdata.types import BoolArray, Float32Array
+from tcrdata.types import BOX_COLUMNS, BoolArray, Float32Array
 
-BOX = ("x_m", "y_m", "z_m", "length_m", "width_m", "height_m", "yaw_rad")
 NEGATIVES = ("near", "sure", "everywhere")
 
 
@@ -96,7 +95,7 @@ def cloud_of(row: dict[str, Any], labels: LabelBoxes) -> Cloud:
 def label_boxes(row: dict[str, Any]) -> LabelBoxes:
     """Return the labels of a row, in metres of a road scene."""
     listed = row["labels"] or []
-    boxes = np.array([[label[name] for name in BOX] for label in listed], dtype=np.float64)
+    boxes = np.array([[label[name] for name in BOX_COLUMNS] for label in listed], dtype=np.float64)
     boxes = boxes.reshape(-1, 7)
     boxes[:, :6] /= row["metric_scale"]
     positive = np.array([label["positive"] for label in listed], dtype=bool)

@@ -49,13 +49,13 @@ KIND, NETWORK = "flow", "raft"
 SCRATCH_LOOP = LoopSettings(
     steps=1500, batch=1, learning_rate=4e-4, weight_decay=1e-4, clip=1.0, average=0.995
 )
-LARGER_LOOP = replace(SCRATCH_LOOP, steps=300, learning_rate=2e-4)
+LARGER_LOOP = replace(SCRATCH_LOOP, steps=600, learning_rate=2e-4)
 """Small pairs are cheap, but their coarsest correlations are hardly any: large ones teach those."""
 
-LARGER_PLANES = PlaneSettings(height_px=256, width_px=320, shift_px=4.0, still=0.3)
+LARGER_PLANES = PlaneSettings(height_px=256, width_px=320, shift_px=4.0, still=0.3, plain=0.4)
 LARGER_ITERATIONS = 6
 TAUGHT_LOOP = LoopSettings(
-    steps=100, batch=1, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
+    steps=200, batch=2, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
 )
 
 

@@ -15,10 +15,9 @@ from numpy.typing import NDArray
 
 from tcrdata.geometry.boxes import points_in_box
 from tcrdata.learning.augmentation import ImageAugmentation, image_placement, jittered
-from tcrdata.learning.detector_samples import BOX
 from tcrdata.networks.grids import projected
 from tcrdata.networks.pyramid import STRIDE
-from tcrdata.types import BoolArray, FloatArray
+from tcrdata.types import BOX_COLUMNS, BoolArray, FloatArray
 
 _MARGIN_M = 0.1
 _SPLAT_PX = 3
@@ -70,7 +69,7 @@ def pixel_labels(row: dict[str, Any]) -> tuple[BoolArray, BoolArray]:
     objects, ignored, band = (np.zeros(shape, dtype=np.uint8) for _ in range(3))
     labelled = np.zeros(len(pixels), dtype=bool)
     for label in row["labels"] or []:
-        box = np.array([label[name] for name in BOX], dtype=np.float64)
+        box = np.array([label[name] for name in BOX_COLUMNS], dtype=np.float64)
         inside = points_in_box(row["points"], box, _MARGIN_M * row["metric_scale"])
         labelled |= inside
         solid = inside & seen & ~row["ground"]

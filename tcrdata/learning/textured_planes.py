@@ -23,6 +23,7 @@ class PlaneSettings:
         width_px: of the images.
         planes: at most so many before the background: many small motions teach more than one large.
         still: share of the pairs whose background does not move, as before a camera that stands.
+        plain: share of the planes that show hardly any texture, as sky, road and walls do.
         shift_px: scale of a plane's shift; half of all shifts are smaller.
         turn_rad: largest turn in the image.
         zoom: largest change of size, as a share.
@@ -35,6 +36,7 @@ class PlaneSettings:
     width_px: int = 192
     planes: int = 12
     still: float = 0.2
+    plain: float = 0.0
     shift_px: float = 8.0
     turn_rad: float = 0.1
     zoom: float = 0.1
@@ -78,7 +80,7 @@ def textured_planes(settings: PlaneSettings, rng: np.random.Generator) -> FlowPa
         moved = own @ background if rng.random() < 0.7 else own
         moved = background if number == 0 else moved
         place = _jitter(height, width, rng)
-        canvas = np.dstack([_texture(height, width, rng), _outline(number, height, width, rng)])
+        canvas = np.dstack([_texture(settings, rng), _outline(number, height, width, rng)])
         shown = _drawn(canvas, place, (height, width))
         later = _drawn(canvas, moved @ place, (height, width))
         first += shown[..., 3:] * (shown[..., :3] - first)
@@ -147,12 +149,15 @@ def _drawn(canvas: Any, place: FloatArray, shape: tuple[int, int]) -> Float32Arr
     return drawn
 
 
-def _texture(height: int, width: int, rng: np.random.Generator) -> Float32Array:
-    """(S, S, 3) noise of several octaves in random colours, with spots and lines."""
+def _texture(settings: PlaneSettings, rng: np.random.Generator) -> Float32Array:
+    """(S, S, 3) noise of several octaves in random colours, with spots and lines if not plain."""
     import cv2
 
-    side = _canvas_side(height, width)
+    side = _canvas_side(settings.height_px, settings.width_px)
     base, contrast = rng.uniform(0.15, 0.85, 3), rng.uniform(0.1, 0.6)
+    # Without plain ones the numbers drawn stay what they are without the setting.
+    plain = settings.plain > 0 and rng.random() < settings.plain
+    contrast *= rng.uniform(0.0, 0.2) if plain else 1.0
     fading = rng.uniform(0.5, 0.95)
     grey = np.zeros((side, side), np.float32)
     total = 0.0
@@ -163,7 +168,7 @@ def _texture(height: int, width: int, rng: np.random.Generator) -> Float32Array:
         total += fading**octave
     tint = 1 + rng.uniform(-0.5, 0.5, 3)
     painted = np.ascontiguousarray(base + contrast * 4 / total * grey[..., None] * tint, np.float32)
-    for _ in range(int(rng.integers(0, 25))):
+    for _ in range(0 if plain else int(rng.integers(0, 25))):
         colour = [float(c) for c in rng.random(3)]
         ends = rng.integers(0, side, 4).tolist()
         if rng.random() < 0.5:

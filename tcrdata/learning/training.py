@@ -34,7 +34,7 @@ class LoopSettings(LearnerSettings):
         threads: torch's; more on few cores slow the loading down.
     """
 
-    steps: int = 400
+    steps: int = 800
     batch: int = 4
     warm_up: float = 0.1
     checkpoint_steps: int = 100

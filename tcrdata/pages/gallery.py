@@ -16,8 +16,8 @@ from tcrdata.errors import TcrdataError
 from tcrdata.geometry.boxes import bev_iou
 from tcrdata.ingest import frames_of
 from tcrdata.pages.reading import Reading
-from tcrdata.pictures import BOX_COLUMNS, read_votes
-from tcrdata.types import Dataset, FloatArray, Frame, ImageArray, IntArray, PointCloud
+from tcrdata.pictures import read_votes
+from tcrdata.types import BOX_COLUMNS, Dataset, FloatArray, Frame, ImageArray, IntArray, PointCloud
 from tcrdata.views.birds_eye import vote_classes
 from tcrdata.views.report.cards import BOX_KINDS, Card
 from tcrdata.views.report.crops import Scene, above, missing, photo

@@ -2,7 +2,13 @@
 
 from tcrdata.rules.checks import checks_view_sql
 from tcrdata.rules.parameters import Parameter
-from tcrdata.rules.preset_files import PresetText, load_preset, preset_names, read_preset
+from tcrdata.rules.preset_files import (
+    PresetText,
+    load_follower,
+    load_preset,
+    preset_names,
+    read_preset,
+)
 from tcrdata.rules.presets import Preset
 from tcrdata.rules.rule_files import Rule, RuleText, load_rules
 from tcrdata.rules.selections import Selection, select
@@ -15,6 +21,7 @@ __all__ = [
     "RuleText",
     "Selection",
     "checks_view_sql",
+    "load_follower",
     "load_preset",
     "load_rules",
     "preset_names",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from tcrdata.errors import RuleError, SettingsError
 from tcrdata.resources import resource_files, resource_folder
 from tcrdata.rules.binding import PRESET_COLUMNS, Binder
 from tcrdata.rules.parameters import Parameter
-from tcrdata.rules.presets import LOOSENED, NEXT, Preset
+from tcrdata.rules.presets import FOLLOWS, LOOSENED, NEXT, Preset
 from tcrdata.rules.rule_files import (
     Rule,
     RuleText,
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     import duckdb
 
 FIELDS = ("rules", "required", "cues")
-MAY_HAVE = ("ignore", LOOSENED, NEXT)
+MAY_HAVE = ("ignore", LOOSENED, NEXT, FOLLOWS)
 
 _AnyRule = TypeVar("_AnyRule", bound=RuleText)
 
@@ -62,6 +63,28 @@ def load_preset(name: str) -> Preset:
     except SettingsError as error:
         raise RuleError(f"{path}:1: `-- loosened:` {error}") from error
     return preset
+
+
+def load_follower(name: str) -> Preset:
+    """Read the preset that takes the tracked boxes of a preset's labels.
+
+    Args:
+        name: of the preset that it names in `-- follows:`, or its path; it stands beside that, or
+            among those that ship.
+
+    Raises:
+        SettingsError: there is none.
+        RuleError: with file and line.
+    """
+    path = _path_of(name)
+    named = re.compile(rf"^-- {FOLLOWS}:\s*{re.escape(path.stem)}\s*$", re.MULTILINE)
+    for place in (*sorted(path.parent.glob("*.sql")), *resource_files("queries/presets/*.sql")):
+        if named.search(place.read_text(encoding="utf-8")):
+            return load_preset(str(place))
+    raise SettingsError(
+        f"no preset takes the tracked boxes of {path.stem}'s labels: write one with a line "
+        f"`-- {FOLLOWS}: {path.stem}` in its header, or leave tracking out"
+    )
 
 
 @dataclass(frozen=True)

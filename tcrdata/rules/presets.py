@@ -18,6 +18,9 @@ LOOSENED = "loosened"
 NEXT = "next"
 """Field of a preset's header: the preset that selects in later rounds."""
 
+FOLLOWS = "follows"
+"""Field of a preset's header: the preset whose labels' tracked boxes this one takes, too."""
+
 
 @dataclass(frozen=True)
 class FilledRule:
@@ -48,6 +51,7 @@ class FilledPreset:
         cues: stages whose rows it reads.
         reads: tables and columns of the select.
         alternatives: what only these accept is left undecided.
+        follows: name of the preset whose labels' tracked boxes it takes; empty for none.
     """
 
     name: str
@@ -57,6 +61,7 @@ class FilledPreset:
     cues: tuple[str, ...]
     reads: Reads
     alternatives: tuple[FilledPreset, ...] = ()
+    follows: str = ""
 
 
 @dataclass(frozen=True)
@@ -92,6 +97,11 @@ class Preset:
         """Name of the preset that selects in the next round: itself where it names none."""
         return self.file.fields.get(NEXT, "").strip() or self.name
 
+    @property
+    def follows(self) -> str:
+        """Name of the preset whose labels' tracked boxes it takes; empty for none."""
+        return self.file.fields.get(FOLLOWS, "").strip()
+
     def fill(self, overrides: Mapping[str, object] | None = None) -> FilledPreset:
         """Settle every parameter and fill it in.
 
@@ -105,7 +115,8 @@ class Preset:
         if self.loosened:
             loosened = self._filled({**(overrides or {}), **self.loosened})
             alternatives.insert(0, replace(loosened, name=LOOSENED))
-        return replace(self._filled(overrides), alternatives=tuple(alternatives))
+        own = self._filled(overrides)
+        return replace(own, alternatives=tuple(alternatives), follows=self.follows)
 
     def _filled(self, overrides: Mapping[str, object] | None) -> FilledPreset:
         literals = {name: p.literal for name, p in self.parameters.items()}

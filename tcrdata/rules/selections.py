@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from importlib import import_module
 from threading import Thread
 from typing import TYPE_CHECKING, Any
@@ -17,8 +18,9 @@ from tcrdata.rules.presets import FilledPreset, Preset
 from tcrdata.rules.rounds import rounds_read
 from tcrdata.rules.selection_rows import Run, decided_by, selection_rows
 from tcrdata.rules.unfinished import lacking_stages, missing_evidence
-from tcrdata.store import FileEntry, Snapshot, Store, Unit
+from tcrdata.store import FileEntry, Store, Unit
 from tcrdata.store.commits import ANY_DATASET
+from tcrdata.store.followed import is_read, newest_tracked
 
 if TYPE_CHECKING:
     from tcrdata.store.writer import Writer
@@ -63,6 +65,7 @@ def select(
     snapshot: str | None = None,
     leave_out_unfinished: bool = False,
     newest: bool = True,
+    followed: str | None = None,
 ) -> Selection:
     """Judge a store's proposals with a preset, write the labels and point to them.
 
@@ -76,6 +79,8 @@ def select(
         leave_out_unfinished: judge no proposal of a sequence that lacks a stage: another build
             may be at work on it, and selects when it is through.
         newest: make it the newest selection even if it was there already.
+        followed: id of the selection whose tracked boxes a preset with `-- follows:` takes; the
+            newest tracked one of the round and the preset named there when None.
 
     Raises:
         SettingsError: unknown preset or parameter, or a value of the wrong type.
@@ -90,46 +95,88 @@ def select(
     unfinished = [(*key, stages) for key, stages in lacking.items() if stages]
     if unfinished and not leave_out_unfinished:
         raise missing_evidence(store, filled, *unfinished[0])
-    frozen = store.snapshot(snapshot) if snapshot else store.freeze(None, EVIDENCE_TABLES)
-    files = _files_read(frozen, lacking, filled, round)
-    evidence = _digest_of(files)
-    identity = _identity(filled, evidence, round)
-    unit = Unit(STAGE, ANY_DATASET, identity[:16], round)
-    run = Run(filled, frozen.name, files, unit, name or filled.name)
-    made = _make(store, run, identity, evidence)
-    if made or newest or store.newest_selection(unit.sequence) is None:
-        store.point_to(unit.sequence, run.name)
-    (row,) = store.read("selections", dataset=ANY_DATASET, sequence=unit.sequence).to_pylist()
+    if filled.follows and followed is None:
+        followed = newest_tracked(store, filled.follows, round)
+    whom = followed if filled.follows else None
+    judge = partial(_judged, lacking=lacking, preset=filled, round=round, followed=whom)
+    called = name or filled.name
+    frozen = store.snapshot(snapshot) if snapshot else None
+    own = judge(_files_now(store) if frozen is None else frozen.files)
+    made = not store.is_done(own.unit, own.identity, own.inputs)
+    if made:
+        # Only now: a store that is done stays as it is, whatever was measured since.
+        if frozen is None:
+            frozen = store.freeze(None, EVIDENCE_TABLES, lambda e: is_read(e.unit.stage, whom))
+            own = judge(frozen.files)
+        _make(store, own, filled, frozen.name, called)
+    chosen = own.unit.sequence
+    if made or newest or store.newest_selection(chosen) is None:
+        store.point_to(chosen, called)
+    (row,) = store.read("selections", dataset=ANY_DATASET, sequence=chosen).to_pylist()
     return Selection(
-        unit.sequence, run.name, row["preset"], round, row["snapshot"], row["proposals_judged"],
+        chosen, called, row["preset"], round, row["snapshot"], row["proposals_judged"],
         row["labels"], row["ignored"], made,
     )  # fmt: skip
 
 
-def _files_read(
-    frozen: Snapshot,
+@dataclass(frozen=True)
+class _Judgement:
+    """What a selection judges, and what it is called for that.
+
+    Attributes:
+        files: those that the rules see.
+        evidence: hash of them.
+        identity: hash of all that the labels follow from.
+        round: EM round.
+    """
+
+    files: list[FileEntry]
+    evidence: str
+    identity: str
+    round: int
+
+    @property
+    def unit(self) -> Unit:
+        """The unit of the selection's rows; its sequence is the selection's id."""
+        return Unit(STAGE, ANY_DATASET, self.identity[:16], self.round)
+
+    @property
+    def inputs(self) -> dict[str, str]:
+        """What the unit follows from, for its record."""
+        return {"evidence": self.evidence}
+
+
+def _files_now(store: Store) -> list[FileEntry]:
+    """The files of evidence as they are at this moment."""
+    return [entry for table in sorted(EVIDENCE_TABLES) for entry in store.files(table)]
+
+
+def _judged(
+    files: Sequence[FileEntry],
+    *,
     lacking: Mapping[tuple[str, str], list[str]],
     preset: FilledPreset,
     round: int,
-) -> list[FileEntry]:
-    """The files that the rules of a round see, of sequences that lack no stage."""
-    return [
+    followed: str | None,
+) -> _Judgement:
+    """Take those files that the rules of a round see, of sequences that lack no stage."""
+    own = [
         entry
-        for entry in frozen.files
+        for entry in files
         if entry.table in EVIDENCE_TABLES
         and entry.unit.round in rounds_read(round)
+        and is_read(entry.unit.stage, followed)
         and not lacking.get((entry.unit.dataset, entry.unit.sequence), preset.cues)
     ]
+    evidence = _digest_of(own)
+    return _Judgement(own, evidence, _identity(preset, evidence, round), round)
 
 
-def _make(store: Store, run: Run, identity: str, evidence: str) -> bool:
-    """Write a selection's rows; False when they are there already."""
-    inputs = {"evidence": evidence}
-    if store.is_done(run.unit, identity, inputs):
-        return False
-    with store.writer(run.unit, settings_hash=identity, inputs=inputs) as writer:
+def _make(store: Store, own: _Judgement, preset: FilledPreset, snapshot: str, name: str) -> None:
+    """Write a selection's rows."""
+    run = Run(preset, snapshot, own.files, own.unit, name)
+    with store.writer(own.unit, settings_hash=own.identity, inputs=own.inputs) as writer:
         _append_beside(writer, selection_rows(store, run))
-    return True
 
 
 def _append_beside(writer: Writer, rows: Iterator[tuple[str, Mapping[str, Any]]]) -> None:

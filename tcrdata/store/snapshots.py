@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -15,6 +15,9 @@ from tcrdata.store.filesystem import Filesystem
 SNAPSHOTS = "snapshots"
 SELECTIONS = "selections"
 _SHORTEST_PREFIX = 6
+
+Ids = Collection[str] | None
+"""Ids of the only selections that count; None for all."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +50,10 @@ class Snapshot:
             if drive in (None, (entry["unit"]["dataset"], entry["unit"]["sequence"]))
         ]
         return Snapshot(name, tuple(content["tables"]), tuple(files))
+
+
+Wanted = Callable[[FileEntry], bool] | None
+"""Whether a file goes into a snapshot; None for all."""
 
 
 def freeze(
@@ -116,9 +123,7 @@ def point_to(files: Filesystem, selection_id: str, name: str) -> None:
             return
 
 
-def newest_selection(
-    files: Filesystem, name: str | None, among: Collection[str] | None = None
-) -> str | None:
+def newest_selection(files: Filesystem, name: str | None, among: Ids = None) -> str | None:
     """Id of the newest selection, or of the newest that a name, an id or its beginning means.
 
     Args:

@@ -15,7 +15,7 @@ from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
 from tcrdata.store.schemas import check_known, is_view, table_names
 from tcrdata.store.sequence_tables import SequenceTables
-from tcrdata.store.snapshots import Snapshot
+from tcrdata.store.snapshots import Ids, Snapshot, Wanted
 from tcrdata.store.views import connect, create_views, lazy_frame
 
 if TYPE_CHECKING:
@@ -248,15 +248,17 @@ class Store:
         """A table as a polars LazyFrame over the files of this moment."""
         return lazy_frame(self._files, table, self.files(table, snapshot=snapshot))
 
-    def freeze(self, name: str | None = None, tables: Sequence[str] | None = None) -> Snapshot:
-        """Freeze the files of this moment; without a name it is named by its content.
+    def freeze(
+        self, name: str | None = None, tables: Sequence[str] | None = None, wanted: Wanted = None
+    ) -> Snapshot:
+        """Freeze the files of this moment, or those wanted; without a name the content names it.
 
         Raises:
             ConflictError: the name is taken by another list of files.
         """
         chosen = [t for t in table_names() if not is_view(t)] if tables is None else list(tables)
         entries = self._entries(chosen, None)
-        flat = [entry for table in sorted(entries) for entry in entries[table]]
+        flat = [e for table in sorted(entries) for e in entries[table] if not wanted or wanted(e)]
         return snapshots.freeze(self._files, name, chosen, flat)
 
     def snapshot(self, name: str, drive: tuple[str, str] | None = None) -> Snapshot:
@@ -275,16 +277,16 @@ class Store:
         """Make a selection the newest one; nothing is written when it already is."""
         snapshots.point_to(self._files, selection_id, name)
 
-    def newest_selection(self, name: str | None = None) -> str | None:
-        """Id of the newest selection, or of the newest that a name, an id or its beginning means.
+    def newest_selection(self, name: str | None = None, among: Ids = None) -> str | None:
+        """Id of the newest selection (`among` some), or of that which a name or an id means.
 
         Raises:
             StoreError: the beginning of an id (6 characters or more) fits several.
         """
-        if self._pinned is None:
-            return snapshots.newest_selection(self._files, name)
-        there = {entry.unit.sequence for entry in self.files("selections")}
-        return snapshots.newest_selection(self._files, name, there)
+        if self._pinned is not None:
+            there = {entry.unit.sequence for entry in self.files("selections")}
+            among = there if among is None else there.intersection(among)
+        return snapshots.newest_selection(self._files, name, among)
 
     def _entries(
         self, tables: Sequence[str] | None, snapshot: str | None

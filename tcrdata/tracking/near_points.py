@@ -6,58 +6,11 @@ order, points as float64. Sines and cosines are handed in, for compiled ones may
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.tracking.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray
-
-Indices = NDArray[np.int64]
-
-
-def near(box: FloatArray, points: Float32Array, half: FloatArray) -> tuple[Indices, FloatArray]:
-    """Return which points lie within half sizes of a box's centre, and where in its axes.
-
-    Args:
-        box: (7,), world.
-        points: (N, 3).
-        half: (3,) along the length, down, and across.
-
-    Returns:
-        (M,) rising numbers of points; (M, 3) metres from the centre along, down, and across.
-    """
-    reach = float(np.hypot(half[0], half[2]))
-    found, local = _near(points, box, half, reach, math.cos(box[6]), math.sin(box[6]))
-    return found, local
-
-
-@compiled
-def _near(
-    points: Float32Array, box: FloatArray, half: FloatArray, reach: float, c: float, s: float
-) -> tuple[Indices, FloatArray]:
-    found = np.empty(len(points), np.int64)
-    count = 0
-    for i in range(len(points)):
-        dx = points[i, 0] - box[0]
-        if not abs(dx) <= reach:
-            continue
-        dz = points[i, 2] - box[2]
-        dy = points[i, 1] - box[1]
-        if not (abs(dz) <= reach and abs(dy) <= half[1]):
-            continue
-        if abs(c * dx - s * dz) <= half[0] and abs(s * dx + c * dz) <= half[2]:
-            found[count] = i
-            count += 1
-    local = np.empty((count, 3))
-    for n in range(count):
-        i = found[n]
-        dx, dz = points[i, 0] - box[0], points[i, 2] - box[2]
-        local[n, 0] = c * dx - s * dz
-        local[n, 1] = points[i, 1] - box[1]
-        local[n, 2] = s * dx + c * dz
-    return found[:count].copy(), local
 
 
 @compiled

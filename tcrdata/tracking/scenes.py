@@ -13,6 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
+from tcrdata.tracking.cell_points import CellPoints
 from tcrdata.tracking.near_points import hidden_rays, spread
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
@@ -64,14 +65,14 @@ class Scene:
 
     Attributes:
         frame: its number.
-        points: (N, 3) float32 without the ground.
+        points: N of them, without the ground.
         features: (N, C) float32 of unit length: what correlation compares.
         candidates: boxes that tracklets may take.
         view: for visibility.
     """
 
     frame: int
-    points: Float32Array
+    points: CellPoints
     features: Float32Array
     candidates: Candidates
     view: View

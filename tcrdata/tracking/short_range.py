@@ -12,10 +12,13 @@ from typing import Literal, Protocol
 import numpy as np
 
 from tcrdata.errors import SettingsError
+from tcrdata.tracking.known_fits import KnownFits, lineage
 from tcrdata.tracking.scenes import BoxView, Scene
 from tcrdata.tracking.targets import Found, Target, yaw_step
 from tcrdata.tracking.templates import (
     CorrelationSettings,
+    Pose,
+    Template,
     correlate,
     make_template,
     updated,
@@ -114,9 +117,6 @@ class NearestBox:
 
     uses_candidates = True
 
-    def __init__(self, settings: ShortRangeSettings) -> None:
-        self.settings = settings
-
     def begin(self, target: Target, scene: Scene, candidate: int) -> None:
         """Remember the candidate that the target begins with."""
         _ride(target, scene, candidate)
@@ -141,15 +141,17 @@ class Correlation:
 
     uses_candidates = False
 
-    def __init__(self, settings: ShortRangeSettings) -> None:
+    def __init__(self, settings: ShortRangeSettings, known: KnownFits | None = None) -> None:
         self.settings = settings
+        self._known = known
 
     def begin(self, target: Target, scene: Scene, candidate: int) -> None:
         """Make the template of the points in the target's box."""
         del candidate
-        target.template = make_template(
-            target.box, scene.points, scene.features, self.settings.correlation
-        )
+        made = make_template(target.box, scene.points, scene.features, self.settings.correlation)
+        if made is not None:
+            made = replace(made, lineage=lineage(b"", scene.frame, target.box))
+        target.template = made
 
     def follow(
         self, target: Target, scene: Scene, expected: FloatArray, candidate: int, seen: BoxView
@@ -160,7 +162,7 @@ class Correlation:
         template = target.template
         if template is None or seen.visible_share < own.least_visible_share:
             return None
-        pose = correlate(template, expected, scene.points, scene.features, own.correlation)
+        pose = self._fit(template, expected, scene)
         if pose is None or pose.score < own.least_score:
             return None
         least = own.least_points_share * template.points * seen.visible_share
@@ -173,9 +175,22 @@ class Correlation:
         own, template = self.settings, target.template
         if template is None or match.fit is None or target.sightings % own.update_sightings:
             return
-        target.template = updated(
-            template, match.fit, scene.points, scene.features, own.correlation
-        )
+        more = updated(template, match.fit, scene.points, scene.features, own.correlation)
+        if more is not template:
+            name = lineage(template.lineage, scene.frame, match.fit)
+            target.template = replace(more, lineage=name)
+
+    def _fit(self, template: Template, expected: FloatArray, scene: Scene) -> Pose | None:
+        """Return where a template fits best around a (7,) box, from what is known or anew."""
+
+        def find() -> Pose | None:
+            own = self.settings.correlation
+            return correlate(template, expected, scene.points, scene.features, own)
+
+        if self._known is None:
+            return find()
+        name = lineage(template.lineage, scene.frame, expected)
+        return self._known.pose(name, scene.frame, find)
 
 
 class Either:
@@ -187,9 +202,9 @@ class Either:
 
     uses_candidates = True
 
-    def __init__(self, settings: ShortRangeSettings) -> None:
-        self._nearest = NearestBox(settings)
-        self._correlation = Correlation(settings)
+    def __init__(self, settings: ShortRangeSettings, known: KnownFits | None = None) -> None:
+        self._nearest = NearestBox()
+        self._correlation = Correlation(settings, known)
 
     def begin(self, target: Target, scene: Scene, candidate: int) -> None:
         """Begin both ways."""
@@ -217,20 +232,26 @@ class Either:
         self._correlation.learn(target, scene, match)
 
 
-def short_range(name: str, settings: ShortRangeSettings) -> ShortRange:
+def short_range(
+    name: str, settings: ShortRangeSettings, known: KnownFits | None = None
+) -> ShortRange:
     """Return a tracker by its name.
+
+    Args:
+        name: of it.
+        settings: scaled to this world.
+        known: fits that another pass over the same frames found, or where to leave them for one.
 
     Raises:
         SettingsError: there is none of that name.
     """
-    trackers: dict[str, type[NearestBox | Correlation | Either]] = {
-        "nearest": NearestBox,
-        "correlation": Correlation,
-        "auto": Either,
-    }
-    if name not in trackers:
-        raise SettingsError(f"no tracker '{name}': there are {', '.join(trackers)}")
-    return trackers[name](settings)
+    if name == "nearest":
+        return NearestBox()
+    if name == "correlation":
+        return Correlation(settings, known)
+    if name == "auto":
+        return Either(settings, known)
+    raise SettingsError(f"no tracker '{name}': there are nearest, correlation, auto")
 
 
 def ridden(target: Target, scene: Scene, candidate: int) -> FloatArray:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.errors import SettingsError
-from tcrdata.tracking.near_points import blurred, near
+from tcrdata.tracking.cell_points import CellPoints, near
+from tcrdata.tracking.near_points import blurred
 from tcrdata.tracking.volumes import (
     best_pose,
     correlations,
@@ -86,6 +87,7 @@ class Template:
         first: (3,) the centre of the first voxel in the object's axes, metres.
         voxel_m: side of a voxel.
         points: points of the object in the frame that was seen last.
+        lineage: names the frames and boxes that it was made of; empty where nobody asks.
     """
 
     raw: Float32Array
@@ -93,6 +95,7 @@ class Template:
     first: FloatArray
     voxel_m: float
     points: int
+    lineage: bytes = b""
 
 
 @dataclass(frozen=True)
@@ -111,7 +114,7 @@ class Pose:
 
 
 def make_template(
-    box: FloatArray, points: Float32Array, features: Float32Array, settings: CorrelationSettings
+    box: FloatArray, points: CellPoints, features: Float32Array, settings: CorrelationSettings
 ) -> Template | None:
     """Return the template of the points in a (7,) box; None without any."""
     half = box[[3, 5, 4]] / 2 + settings.margin_m
@@ -130,7 +133,7 @@ def make_template(
 def updated(
     template: Template,
     box: FloatArray,
-    points: Float32Array,
+    points: CellPoints,
     features: Float32Array,
     settings: CorrelationSettings,
 ) -> Template:
@@ -148,7 +151,7 @@ def updated(
 def correlate(
     template: Template,
     box: FloatArray,
-    points: Float32Array,
+    points: CellPoints,
     features: Float32Array,
     settings: CorrelationSettings,
 ) -> Pose | None:

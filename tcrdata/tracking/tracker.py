@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tcrdata.geometry.boxes import bev_iou, points_in_box
+from tcrdata.geometry.boxes import bev_iou
 from tcrdata.tracking.assignment import assigned, cheapest
+from tcrdata.tracking.cell_points import number_inside
 from tcrdata.tracking.hidden import Hidden, container_of, link_cost
 from tcrdata.tracking.library import Library, basic_library, cut, joined
 from tcrdata.tracking.long_range import Hypotheses, Volume, make_volume, sample
@@ -123,7 +124,7 @@ class Tracker:
 
     def _see(self, target: Target, scene: Scene, match: Match, volume: Volume) -> None:
         seen = look(scene.view, match.box, self._own.margin_m)
-        points = match.points or int(points_in_box(scene.points, match.box).sum())
+        points = match.points or number_inside(scene.points, match.box)
         passable = float(sample(volume, match.box[None, :3].astype(np.float32))[0])
         # What was matched is object-like as far as it matches.
         passable = max(passable, match.score)

@@ -17,6 +17,7 @@ from tcrdata.store import Store, Unit
 _names = itertools.count()
 FRAMES = 10
 COMMON = {
+    "selection_id": "s1",
     "library": False,
     "tracker": "auto",
     "found": "nearest",
@@ -141,7 +142,7 @@ def test_identity_scores_of_a_perfect_and_of_a_broken_track() -> None:
 
 
 def test_nothing_tracked_is_said() -> None:
-    with pytest.raises(MissingEvidenceError, match="nothing was tracked yet: run `tcrdata track`"):
+    with pytest.raises(MissingEvidenceError, match="was tracked yet: run `tcrdata track "):
         evaluate_tracking(world([], []), "s1")
     with pytest.raises(MissingEvidenceError, match="there is no selection 'none'"):
         evaluate_tracking(world([], []), "none")

@@ -14,9 +14,8 @@ from tcrdata.evidence import detected_objects
 from tcrdata.evidence.detection_groups import Detections, standing_groups
 from tcrdata.evidence.standing_boxes import FitSettings, fitted
 from tcrdata.geometry.boxes import bev_iou
-from tcrdata.types import CueInput
+from tcrdata.types import BOX_COLUMNS, CueInput
 
-BOX = detected_objects.BOX
 PARKED = Thing(3.5, 16.0, yaw=-1.5)
 SEEN = (2, 3, 4, 6, 8, 9)
 SPEED = 5.0
@@ -35,7 +34,9 @@ def world_cue(detections: list[tuple[int, np.ndarray, float]], **settings: Any) 
     rows["confidences"] = []
     for number, (frame, box, score) in enumerate(detections):
         key = {"proposal_id": f"d{number}", "frame": frame, "round": 2}
-        rows["proposals"].append({**key, "source": "detector", **dict(zip(BOX, box, strict=True))})
+        rows["proposals"].append(
+            {**key, "source": "detector", **dict(zip(BOX_COLUMNS, box, strict=True))}
+        )
         rows["confidences"].append({**key, "module": "objectness_3d", "confidence": score})
     return cue
 
@@ -69,7 +70,7 @@ def test_detections_at_one_place_are_one_object_wherever_its_place_shows(parked)
 
 def test_the_box_is_fitted_to_the_points_of_all_frames(parked) -> None:
     for row in parked:
-        box = np.array([[row[name] for name in BOX]])
+        box = np.array([[row[name] for name in BOX_COLUMNS]])
         truth = PARKED.box(row["frame"], SPEED)[None]
         assert bev_iou(box, truth)[0, 0] > 0.8
         assert bev_iou(box, truth)[0, 0] > bev_iou(roughly(4)[None], PARKED.box(4, SPEED)[None])

@@ -11,12 +11,11 @@ from learnt_worlds import SELECTION, label, learnt_world
 from tcrdata import registry
 from tcrdata.errors import EvidenceError
 from tcrdata.evidence import objectness2d
-from tcrdata.evidence.frame_proposals import BOX
 from tcrdata.executors import Serial
 from tcrdata.ingest import frames_of
 from tcrdata.learning.runs import plan_recipe, run_training
 from tcrdata.store import Store, Unit
-from tcrdata.types import CueInput
+from tcrdata.types import BOX_COLUMNS, CueInput
 
 STEPS = {"steps": "2", "batch": "1", "workers": "0", "network.width": "8"}
 
@@ -32,7 +31,7 @@ def world(folder: Path, images: bool) -> Store:
     for round in (1, 2):
         van = label(sequence, 0, 0, True)
         boxes = [van, {**van, "z_m": 90.0}]
-        columns: dict[str, Any] = {name: [box[name] for box in boxes] for name in BOX}
+        columns: dict[str, Any] = {name: [box[name] for box in boxes] for name in BOX_COLUMNS}
         columns |= {
             "proposal_id": [f"van{round}", f"far{round}"], "frame": [0, 0],
             "source": ["track"] * 2, "fit": ["track"] * 2, "region_id": ["van", "far"],

@@ -10,13 +10,12 @@ from learnt_worlds import label, learnt_world
 
 from tcrdata import registry
 from tcrdata.evidence import visibility
-from tcrdata.evidence.frame_proposals import BOX
 from tcrdata.evidence.ray_counts import ray_counts, rays_of
 from tcrdata.executors import Serial
 from tcrdata.ingest import frames_of
 from tcrdata.plan import ordered_cues, speaks_anew
 from tcrdata.store import Store, Unit
-from tcrdata.types import CueInput
+from tcrdata.types import BOX_COLUMNS, CueInput
 
 CENTRE = np.zeros(3)
 
@@ -102,7 +101,7 @@ def proposals(store: Store, source: str) -> dict[str, Any]:
     van = label(sequence_of(store), 0, 0, True)
     nearer = {**van, "x_m": van["x_m"] * 0.6, "z_m": van["z_m"] * 0.6, "length_m": 1.0}
     boxes = {"van": van, "before": nearer, "above": {**van, "y_m": -40.0}}
-    columns: dict[str, Any] = {n: [b[n] for b in boxes.values()] for n in BOX}
+    columns: dict[str, Any] = {n: [b[n] for b in boxes.values()] for n in BOX_COLUMNS}
     names = [f"{source}/{name}" for name in boxes]
     return columns | {
         "proposal_id": names, "frame": [0] * 3, "source": [source] * 3, "fit": [source] * 3,

@@ -34,8 +34,9 @@ def store_of(tracklets: list[dict[str, Any]]) -> Store:
 
 def tracklet_row(frame: int, name: str, *, library: bool, **more: Any) -> dict[str, Any]:
     return {
-        "tracklet_id": name, "frame": frame, "library": library, "tracker": "auto",
-        "found": "nearest", **box(2.0, 10.0), "visible_share": 0.75, "score": 0.25,
+        "tracklet_id": name, "selection_id": "s1", "frame": frame, "library": library,
+        "tracker": "auto", "found": "nearest", **box(2.0, 10.0), "visible_share": 0.75,
+        "score": 0.25,
         "number_of_points": 5, "passable": 1.0, "frames_from_sighting": 0, **more,
     }  # fmt: skip
 
@@ -71,5 +72,5 @@ def test_tracklets_with_the_library_win_over_those_without(tmp_path: Path) -> No
 
 
 def test_nothing_tracked_is_said(tmp_path: Path) -> None:
-    with pytest.raises(MissingEvidenceError, match="run `tcrdata track` first"):
+    with pytest.raises(MissingEvidenceError, match="tcrdata track --selection s1` first"):
         mot.export(store_of([]), "s1", tmp_path, ExportOptions(tracklets=True))

@@ -28,6 +28,15 @@ def test_a_background_that_stands_has_no_flow() -> None:
     assert not textured_planes(own, np.random.default_rng(0)).flow.any()
 
 
+def test_plain_planes_hardly_differ_from_pixel_to_pixel() -> None:
+    spreads = []
+    for plain in (0.0, 1.0):
+        own = PlaneSettings(64, 96, planes=0, plain=plain, brightness=0.0, noise=0.0)
+        images = [textured_planes(own, np.random.default_rng(seed)).first for seed in range(8)]
+        spreads.append(np.mean([image.std(axis=(0, 1)) for image in images]))
+    assert spreads[1] < 0.35 * spreads[0]
+
+
 def test_the_same_numbers_draw_the_same_pair() -> None:
     one, other = (textured_planes(PlaneSettings(), np.random.default_rng(3)) for _ in range(2))
     for first, second in zip(one, other, strict=True):

@@ -10,7 +10,7 @@ import pytest
 from tcrdata.errors import RuleError, SettingsError
 from tcrdata.plan import first_round_presets, speaks_anew
 from tcrdata.resources import resource_files
-from tcrdata.rules import load_preset, load_rules, preset_names
+from tcrdata.rules import load_follower, load_preset, load_rules, preset_names
 from tcrdata.rules.preset_files import check_presets
 
 HEAD = "-- Mine.\n-- rules: source, range\n-- required: source\n-- cues: tracks\n"
@@ -22,7 +22,7 @@ def test_shipped_presets_load_together() -> None:
     assert preset_names() == [
         "detector", "detector_faint", "paper", "paper_ensemble", "release", "release_ensemble",
         "tabletop", "tabletop_learned", "tabletop_moving", "tabletop_moving_learned", "tcrdata",
-        "tcrdata_learned", "tcrdata_static", "tcrdata_tracked",
+        "tcrdata_learned", "tcrdata_learned_tracked", "tcrdata_static", "tcrdata_tracked",
     ]  # fmt: skip
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
@@ -45,6 +45,20 @@ def test_first_rounds_name_who_selects_after_them() -> None:
     learnt = [load_preset(name) for name in after.values()]
     assert all(any(map(speaks_anew, preset.cues)) for preset in learnt)
     assert all(preset.successor == preset.name for preset in learnt)
+
+
+def test_who_takes_the_tracked_boxes_of_whose_labels(write_sql: Write) -> None:
+    follows = {name: load_preset(name).follows for name in preset_names()}
+    assert {name: whom for name, whom in follows.items() if whom} == {
+        "tcrdata_tracked": "tcrdata",
+        "tcrdata_learned_tracked": "tcrdata_learned",
+    }
+    assert load_follower("tcrdata").name == "tcrdata_tracked"
+    own = write_sql("my.sql", HEAD + SELECT)
+    with pytest.raises(SettingsError, match="-- follows: my"):
+        load_follower(str(own))
+    write_sql("mine_tracked.sql", HEAD + "-- follows: my\n" + SELECT)
+    assert load_follower(str(own)).name == "mine_tracked"
 
 
 def test_a_preset_and_rules_of_ones_own(write_sql: Write) -> None:

@@ -9,6 +9,7 @@ from rule_worlds import GOOD_TRACK, proposal_rows, put, put_tracks
 
 from tcrdata.rules import select
 from tcrdata.store import Store, open_store
+from tcrdata.store.followed import BOXES, stage_of
 
 _names = itertools.count()
 
@@ -34,7 +35,8 @@ def world() -> Store:
         followed("on_the_track", 0, 0.9, x_m=0.0),
         strict=True,
     )
-    put(store, "tracklet_boxes", "s",
+    chosen = select(store, "tcrdata").selection_id
+    put(store, stage_of(BOXES, chosen), "s",
         {"proposals": proposal_rows(list(rows)), "confidences": list(words)})  # fmt: skip
     return store
 

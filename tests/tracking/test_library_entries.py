@@ -16,7 +16,8 @@ from tcrdata.store import schemas
 PATH = resource_folder("queries") / "cases" / "tracking" / "library_entries.toml"
 CASES: list[dict[str, Any]] = tomllib.loads(PATH.read_text(encoding="utf-8"))["case"]
 ROW = {
-    "tracklet_id": "t", "dataset": "d", "sequence": "s", "frame": 0, "round": 1, "frames": 9,
+    "tracklet_id": "t", "selection_id": "x", "dataset": "d", "sequence": "s", "frame": 0,
+    "round": 1, "frames": 9,
     "metric_scale": 1.0, "first_step_m": 0.1, "travel_m": 1.0, "passable": 1.0,
     "lowest_passable": 1.0, "visible_share": 1.0, "along_m": [], "down_m": [], "across_m": [],
     "turn_rad": [],

@@ -7,8 +7,10 @@ from block_world import to_box
 from scipy.ndimage import gaussian_filter
 from scipy.optimize import linear_sum_assignment
 
+from tcrdata.geometry.boxes import points_in_box
 from tcrdata.tracking.assignment import cheapest
-from tcrdata.tracking.near_points import blurred, near, unit_rows
+from tcrdata.tracking.cell_points import cell_points, near, number_inside
+from tcrdata.tracking.near_points import blurred, unit_rows
 from tcrdata.tracking.templates import BLUR
 
 RANDOM = np.random.default_rng(5)
@@ -27,9 +29,20 @@ def test_points_near_a_box_are_those_inside_its_half_sizes() -> None:
     half = np.array([1.2, 0.9, 0.7])
     local = to_box(points.astype(np.float64), box)
     inside = np.flatnonzero((np.abs(local) <= half).all(axis=1))
-    found, places = near(box, points, half)
+    cells = cell_points(points)
+    found, places = near(box, cells, half)
     np.testing.assert_array_equal(found, inside)
     np.testing.assert_allclose(places, local[inside], rtol=0, atol=1e-15)
+
+
+def test_few_points_far_ones_and_none_are_counted_in_a_box() -> None:
+    box = np.array([0.3, -0.2, 0.5, 2.0, 1.0, 1.5, 0.7])
+    points = RANDOM.uniform(-2, 2, (500, 3)).astype(np.float32)
+    outlier = np.array([[4e5, 0, -3e5]], np.float32)
+    for own in (points, np.concatenate([points, outlier]), points[:1], points[:0], outlier):
+        assert number_inside(cell_points(own), box) == points_in_box(own, box).sum()
+    nowhere = np.full(7, np.nan)
+    assert number_inside(cell_points(points), nowhere) == 0
 
 
 def test_rows_get_length_one_and_nothing_stays_nothing() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,8 @@ import pytest
 from block_world import block, passing, scene
 
 from tcrdata.geometry.boxes import bev_iou
+from tcrdata.tracking import short_range as short_range_module
+from tcrdata.tracking.known_fits import KnownFits
 from tcrdata.tracking.library import Library, basic_library, cut
 from tcrdata.tracking.short_range import ShortRangeSettings, short_range
 from tcrdata.tracking.targets import Sighting
@@ -27,10 +30,11 @@ def followed(
     library: Library | None,
     tracker: str = "auto",
     starts: Any = None,
+    known: KnownFits | None = None,
 ) -> dict[int, list[Sighting]]:
     """Number of each tracklet to its rows."""
     own = Tracker(
-        short_range(tracker, ShortRangeSettings()), library, TrackerSettings(), starts=starts
+        short_range(tracker, ShortRangeSettings(), known), library, TrackerSettings(), starts=starts
     )
     rows: dict[int, list[Sighting]] = {}
     for frame in frames:
@@ -143,3 +147,25 @@ def test_rows_are_handed_on_as_they_settle() -> None:
         )
         waiting += 2 - given
         assert waiting <= 2 * TrackerSettings().young_frames
+
+
+def test_fits_that_a_pass_left_spare_the_next_one_the_search_and_change_no_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    frames, anew = list(range(14)), []
+    find = short_range_module.correlate
+    monkeypatch.setattr(
+        short_range_module, "correlate", lambda *given: anew.append(1) or find(*given)
+    )
+    plain = followed(passing, frames, ("mover", "wall"), EMPTY)
+    asked, file = len(anew), tmp_path / "fits"
+    anew.clear()
+    for left in (asked, 0, 1):
+        with KnownFits(file) as known:
+            assert repr(followed(passing, frames, ("mover", "wall"), EMPTY, known=known)) == repr(
+                plain
+            )
+        assert len(anew) == left
+        anew.clear()
+        # The last row torn, as a pass that was stopped leaves it: that fit is looked for again.
+        file.write_bytes(file.read_bytes()[: -1 if left == 0 else None])
