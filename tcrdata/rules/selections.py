@@ -8,8 +8,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
-from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
@@ -87,8 +85,6 @@ def select(
         RuleError: a rule or preset file is wrong; names file and line.
         MissingEvidenceError: a stage that the preset reads has not been built for a sequence.
     """
-    # Arrow is imported while DuckDB binds the rules.
-    Thread(target=import_module, args=("tcrdata.store.writer",)).start()
     loaded = load_preset(preset) if isinstance(preset, str) else preset
     filled = loaded.fill(overrides)
     lacking, filled = lacking_stages(store, filled, round)
