@@ -97,7 +97,7 @@ def select(
     judge = partial(_judged, lacking=lacking, preset=filled, round=round, followed=whom)
     called = name or filled.name
     frozen = store.snapshot(snapshot) if snapshot else None
-    own = judge(_files_now(store) if frozen is None else frozen.files)
+    own = judge(store.files_of(EVIDENCE_TABLES) if frozen is None else frozen.files)
     made = not store.is_done(own.unit, own.identity, own.inputs)
     if made:
         # Only now: a store that is done stays as it is, whatever was measured since.
@@ -140,11 +140,6 @@ class _Judgement:
     def inputs(self) -> dict[str, str]:
         """What the unit follows from, for its record."""
         return {"evidence": self.evidence}
-
-
-def _files_now(store: Store) -> list[FileEntry]:
-    """The files of evidence as they are at this moment."""
-    return [entry for table in sorted(EVIDENCE_TABLES) for entry in store.files(table)]
 
 
 def _judged(
