@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -260,7 +260,7 @@ class Store:
         flat = [entry for entry in self.files_of(chosen) if not wanted or wanted(entry)]
         return snapshots.freeze(self._files, name, chosen, flat)
 
-    def files_of(self, tables: Collection[str]) -> list[FileEntry]:
+    def files_of(self, tables: Iterable[str]) -> list[FileEntry]:
         """The files of several tables at this moment, table by table: found in one pass."""
         entries = self._entries(sorted(tables), None)
         return [entry for table in sorted(entries) for entry in entries[table]]
