@@ -7,7 +7,6 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
@@ -94,16 +93,15 @@ def select(
     if filled.follows and followed is None:
         followed = newest_tracked(store, filled.follows, round)
     whom = followed if filled.follows else None
-    judge = partial(_judged, lacking=lacking, preset=filled, round=round, followed=whom)
     called = name or filled.name
     frozen = store.snapshot(snapshot) if snapshot else None
-    own = judge(store.files_of(EVIDENCE_TABLES) if frozen is None else frozen.files)
+    files = frozen.files if frozen else store.files_of(EVIDENCE_TABLES)
+    seen = [entry for entry in files if is_read(entry.unit.stage, whom)]
+    own = _judged(seen, lacking, filled, round)
     made = not store.is_done(own.unit, own.identity, own.inputs)
     if made:
         # Only now: a store that is done stays as it is, whatever was measured since.
-        if frozen is None:
-            frozen = store.freeze(None, EVIDENCE_TABLES, lambda e: is_read(e.unit.stage, whom))
-            own = judge(frozen.files)
+        frozen = frozen or store.freeze(None, EVIDENCE_TABLES, seen)
         _make(store, own, filled, frozen.name, called)
     chosen = own.unit.sequence
     if made or newest or store.newest_selection(chosen) is None:
@@ -144,11 +142,9 @@ class _Judgement:
 
 def _judged(
     files: Sequence[FileEntry],
-    *,
     lacking: Mapping[tuple[str, str], list[str]],
     preset: FilledPreset,
     round: int,
-    followed: str | None,
 ) -> _Judgement:
     """Take those files that the rules of a round see, of sequences that lack no stage."""
     own = [
@@ -156,7 +152,6 @@ def _judged(
         for entry in files
         if entry.table in EVIDENCE_TABLES
         and entry.unit.round in rounds_read(round)
-        and is_read(entry.unit.stage, followed)
         and not lacking.get((entry.unit.dataset, entry.unit.sequence), preset.cues)
     ]
     evidence = _digest_of(own)

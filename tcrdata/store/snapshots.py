@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any
@@ -50,10 +50,6 @@ class Snapshot:
             if drive in (None, (entry["unit"]["dataset"], entry["unit"]["sequence"]))
         ]
         return Snapshot(name, tuple(content["tables"]), tuple(files))
-
-
-Wanted = Callable[[FileEntry], bool] | None
-"""Whether a file goes into a snapshot; None for all."""
 
 
 def freeze(

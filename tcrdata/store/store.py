@@ -15,7 +15,7 @@ from tcrdata.store.filesystem import Filesystem
 from tcrdata.store.history import History
 from tcrdata.store.schemas import check_known, is_view, table_names
 from tcrdata.store.sequence_tables import SequenceTables
-from tcrdata.store.snapshots import Ids, Snapshot, Wanted
+from tcrdata.store.snapshots import Ids, Snapshot
 from tcrdata.store.views import connect, create_views, lazy_frame
 
 if TYPE_CHECKING:
@@ -249,15 +249,18 @@ class Store:
         return lazy_frame(self._files, table, self.files(table, snapshot=snapshot))
 
     def freeze(
-        self, name: str | None = None, tables: Sequence[str] | None = None, wanted: Wanted = None
+        self,
+        name: str | None = None,
+        tables: Sequence[str] | None = None,
+        files: Sequence[FileEntry] | None = None,
     ) -> Snapshot:
-        """Freeze the files of this moment, or those wanted; without a name the content names it.
+        """Freeze the files of this moment, or those given; without a name the content names it.
 
         Raises:
             ConflictError: the name is taken by another list of files.
         """
         chosen = [t for t in table_names() if not is_view(t)] if tables is None else list(tables)
-        flat = [entry for entry in self.files_of(chosen) if not wanted or wanted(entry)]
+        flat = self.files_of(chosen) if files is None else files
         return snapshots.freeze(self._files, name, chosen, flat)
 
     def files_of(self, tables: Iterable[str]) -> list[FileEntry]:
