@@ -7,16 +7,16 @@ it scored are out of reach, and so are files.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
-from typing import Any
+from functools import cache
 
 import duckdb
 
 from tcrdata.errors import RuleError
 from tcrdata.rules.scopes import located
 from tcrdata.rules.sql_files import SqlFile, fill_in, uses
+from tcrdata.rules.syntax_trees import SyntaxTree
 from tcrdata.store import schemas
 
 EVIDENCE_TABLES = ("proposals", "confidences", "egomotions", "frames", "sequences")
@@ -49,8 +49,9 @@ class Reads:
         named: those of them that occur in the text, keys or not.
         passes_id: `proposal_id` is handed on as the first column and not used otherwise.
         row_by_row: by its form the select gives one row for each row of `proposals`.
-        each_alone: by its form no row that the select gives depends on two rows of `proposals`,
-            and each starts with the id of its one.
+        starts_with_id: by its form each row starts with the id of the row of `proposals` that it is
+            of, whose other columns it could have in the id's place.
+        each_alone: besides, no row that the select gives depends on two rows of `proposals`.
     """
 
     tables: tuple[str, ...]
@@ -58,6 +59,7 @@ class Reads:
     named: tuple[str, ...]
     passes_id: bool
     row_by_row: bool
+    starts_with_id: bool
     each_alone: bool
 
 
@@ -134,11 +136,11 @@ class Binder:
             raise RuleError(message + hint * known) from error
         return [(row[0], row[1]) for row in rows]
 
-    def _parse(self, selects: Sequence[str]) -> list[_Tree]:
+    def _parse(self, selects: Sequence[str]) -> list[SyntaxTree]:
         """DuckDB's syntax trees."""
         sql = "select json_serialize_sql(unnest($1::varchar[]))"
         rows = self.connection.execute(sql, [selects]).fetchall()
-        return [_Tree(json.loads(text)) for (text,) in rows]
+        return [SyntaxTree(json.loads(text)) for (text,) in rows]
 
 
 def _filled(file: SqlFile, literals: Mapping[str, str]) -> str:
@@ -169,14 +171,17 @@ def _check_result(file: SqlFile, found: list[tuple[str, str]], wanted: Mapping[s
             )
 
 
-def _reads(tree: _Tree) -> Reads:
+def _reads(tree: SyntaxTree) -> Reads:
     """What the select of a tree reads."""
     tables = tuple(sorted(t for t in set(tree.tables) if t in EVIDENCE_TABLES))
     known = [name for name, _, _ in schemas.columns("proposals")]
     read = {*(known if tree.star else tree.words)}
     columns = tuple(name for name in known if name in {*KEY_COLUMNS, *read})
     named = tuple(name for name in known if name in read)
-    return Reads(tables, columns, named, tree.passes_id, tree.row_by_row, tree.each_alone)
+    return Reads(
+        tables, columns, named, tree.passes_id, tree.row_by_row, tree.starts_with_id,
+        tree.each_alone and set(tree.tables) <= set(EVIDENCE_TABLES),
+    )  # fmt: skip
 
 
 @cache
@@ -190,7 +195,7 @@ def unsteady() -> frozenset[str]:
     return frozenset(str(name) for (name,) in rows) - {"error"}
 
 
-def _check_functions(file: SqlFile, tree: _Tree) -> None:
+def _check_functions(file: SqlFile, tree: SyntaxTree) -> None:
     """Refuse what may say something else tomorrow."""
     others = set(tree.functions) - STEADY
     unstable = sorted(others and others & unsteady())
@@ -201,90 +206,10 @@ def _check_functions(file: SqlFile, tree: _Tree) -> None:
         )
 
 
-def _check_alone(file: SqlFile, tree: _Tree) -> None:
+def _check_alone(file: SqlFile, tree: SyntaxTree) -> None:
     """A rule looks at one proposal at a time."""
     if tree.tables.count("proposals") != 1 or "WINDOW" in tree.classes:
         raise RuleError(
             f"{file.path}:{file.select_line}: a rule judges each proposal by itself: name "
             "`proposals` once and use no window; compare proposals in the preset's select"
         )
-
-
-class _Tree:
-    """What occurs in a syntax tree."""
-
-    def __init__(self, tree: Any) -> None:
-        self._nodes = list(_dictionaries(tree))
-        self._node = tree["statements"][0]["node"]
-
-    @cached_property
-    def tables(self) -> list[str]:
-        """Names of tables read, common table expressions included."""
-        return [n["table_name"] for n in self._nodes if n.get("type") == "BASE_TABLE"]
-
-    @cached_property
-    def functions(self) -> list[str]:
-        """Names of functions called."""
-        return [n["function_name"] for n in self._nodes if "function_name" in n]
-
-    @cached_property
-    def classes(self) -> set[str]:
-        """Kinds of expressions."""
-        return {str(n["class"]) for n in self._nodes if "class" in n}
-
-    @property
-    def star(self) -> bool:
-        """Whether `*`, a whole row or a natural join makes every column count as read."""
-        natural = any(n.get("ref_type") == "NATURAL" for n in self._nodes)
-        return natural or "STAR" in self.classes or "proposals" in self.words
-
-    @property
-    def passes_id(self) -> bool:
-        """Whether `proposal_id` occurs as the first column of the result and nowhere else."""
-        names = [w for n in self._nodes for w in n.get("column_names", [])]
-        names += [w for n in self._nodes for w in n.get("using_columns", [])]
-        once = names.count("proposal_id") == 1 and not self.star
-        first = self._node.get("select_list", [{}])[0]
-        return once and first.get("column_names", [])[-1:] == ["proposal_id"]
-
-    @property
-    def row_by_row(self) -> bool:
-        """Whether it is a plain `select ... from proposals` that drops and adds no row."""
-        clauses = ("where_clause", "group_expressions", "having", "qualify", "sample", "modifiers")
-        plain = self._node.get("from_table", {}).get("type") == "BASE_TABLE"
-        unnests = {"unnest", "unlist", "generate_subscripts"} & set(self.functions)
-        return plain and not unnests and not any(self._node.get(clause) for clause in clauses)
-
-    @property
-    def each_alone(self) -> bool:
-        """Whether it plainly selects `p.proposal_id, ...` from `proposals p` and left joins."""
-        clauses = ("group_expressions", "having", "qualify", "sample", "modifiers")
-        plain = not any(self._node.get(clause) for clause in clauses)
-        if not plain or self.functions or self.classes & {"SUBQUERY", "WINDOW", "STAR"}:
-            return False
-        leaf = self._node.get("from_table", {})
-        while leaf.get("type") == "JOIN" and leaf["join_type"] == "LEFT":
-            leaf = leaf["left"] if leaf["right"].get("type") == "BASE_TABLE" else {}
-        own = leaf.get("table_name") == "proposals" and not leaf.get("sample")
-        first = self._node.get("select_list", [{}])[0]
-        name = leaf.get("alias") or "proposals"
-        once = self.tables.count("proposals") == 1 and set(self.tables) <= set(EVIDENCE_TABLES)
-        return own and once and first.get("column_names") == [name, "proposal_id"]
-
-    @cached_property
-    def words(self) -> set[str]:
-        """Every part of every column reference."""
-        words = {w for n in self._nodes for w in n.get("column_names", [])}
-        return words | {w for n in self._nodes for w in n.get("using_columns", [])}
-
-
-def _dictionaries(tree: Any) -> Iterator[dict[str, Any]]:
-    """Every dictionary in nested lists and dictionaries, in the order of the text."""
-    waiting = [tree]
-    while waiting:
-        found = waiting.pop()
-        if isinstance(found, dict):
-            yield found
-            found = list(found.values())
-        if isinstance(found, list):
-            waiting += [child for child in reversed(found) if isinstance(child, (dict, list))]

@@ -26,21 +26,20 @@ def choose(
 ) -> None:
     """Make the table `chosen`: what each preset's select gives of its own survivors.
 
-    `number` is the survivor's; `own` says whether the preset still took it. Presets whose
-    selects are one text, and take each proposal by itself, are run together.
+    `number` is the survivor's, `stranger` the id of what is none; `own` says whether the preset
+    still took it. Presets whose selects are one text, and take each proposal by itself, are run
+    together.
     """
-    connection.execute(
-        "create temp table chosen (proposal_id varchar, state varchar, score double, "
-        "place integer, number bigint, own boolean)"
-    )
     together: dict[object, list[int]] = {}
     for place, preset in enumerate(presets):
         key = preset.select if preset.reads.each_alone else place
         together.setdefault(key, []).append(place)
+    into = "create temp table chosen as"
     for places in together.values():
         first = presets[places[0]]
         given = _given(first, places, relations)
-        run_sql(connection, f"insert into chosen {given}", f"the select of preset {first.name}")
+        run_sql(connection, f"{into} {given}", f"the select of preset {first.name}")
+        into = "insert into chosen"
     if not _all_sound(connection):
         for place, preset in enumerate(presets):
             _check_chosen(connection, place, f"the select of preset {preset.name}")
@@ -54,21 +53,21 @@ def _given(preset: FilledPreset, places: Sequence[int], relations: Relations) ->
     scope = {**relations, "proposals": own}
     numbered = None
     if preset.reads.each_alone:
-        numbered = handing_on(preset.select, "{p}.number, {p}.alive, {p}.proposal_id")
+        numbered = handing_on(preset.select, "{p}.number, {p}.carried, {p}.alive")
     if numbered:
         given = scoped(numbered, preset.reads.tables, scope)
-        found = "c.number, true"
+        found = "true as own, null::varchar as stranger"
         source = f"({given}\n) c join"
     else:
         given = scoped(preset.select, preset.reads.tables, scope)
-        found = "c.number, b.place is not null"
+        found = "b.place is not null as own, if(c.number is null, c.proposal_id, null) as stranger"
         source = (
-            f"(select c.*, s.number, s.alive from ({given}\n) c "
+            f"(select c.*, s.number, s.carried, s.alive from ({given}\n) c "
             "left join survivors s on s.proposal_id = c.proposal_id) c left join"
         )
     return (
-        f"select c.proposal_id, c.state, c.score, coalesce(b.place, {places[0]}), {found} "
-        f"from {source} (values {bits}) b(place, bit) on c.alive & b.bit <> 0"
+        f"select c.number, c.carried, c.state, c.score, coalesce(b.place, {places[0]}) as place, "
+        f"{found} from {source} (values {bits}) b(place, bit) on c.alive & b.bit <> 0"
     )
 
 
@@ -92,13 +91,14 @@ def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) 
         select min(proposal_id) filter (times > 1), min(proposal_id) filter (strange),
                min(proposal_id) filter (no_state), min(proposal_id) filter (no_score)
         from (
-            select any_value(proposal_id) as proposal_id, count(*) as times,
+            select coalesce(stranger, any_value(s.proposal_id)) as proposal_id, count(*) as times,
                    bool_or(not own) as strange,
                    bool_or(state is null or state not in ('positive', 'ignore')) as no_state,
                    bool_or(score is null or not score between 0 and 1) as no_score
             from chosen
+            left join survivors s using (number)
             where place = {place}
-            group by number, if(number is null, proposal_id, null)
+            group by number, stranger
         )
         """
     ).fetchall()
@@ -128,31 +128,30 @@ def labels_of(
 
 
 def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset]) -> None:
-    """Make the table `decided`: state and score of what becomes a label, and for which preset."""
-    its = "c.number, c.state, c.score, s.carried, c.place"
-    chosen = "chosen c join survivors s on s.number = c.number"
-    decided = f"select {its} from {chosen} where c.place = 0"
-    if len(presets) > 1:
-        # A survivor's number stands for its id: whole numbers are compared sooner than texts.
-        where = ", ".join(f"k.{name}" for name in ("dataset", "sequence", "frame", *_BOX))
-        connection.execute(
-            f"create temp table candidates as select c.number as proposal_id, {its}, {where} "
-            f"from {chosen} join kept k on k.rowid = c.number"
-        )
-        path = resource_folder("queries") / "states" / "ignore.sql"
-        undecided = scoped(
-            path.read_text(encoding="utf-8"),
-            ("accepted", "acceptable"),
-            {
-                "accepted": "(select * from candidates where place = 0)",
-                "acceptable": "(select * from candidates where place > 0)",
-            },
-        )
-        decided = (
-            "select number, state, score, carried, place from candidates where place = 0 union all "
-            f"select number, 'ignore', score, carried, place from ({undecided})"
-        )
-    connection.execute(f"create temp table decided as {decided}")
+    """Let `decided` show state and score of what becomes a label, and for which preset."""
+    if len(presets) == 1:
+        connection.execute("create temp view decided as from chosen")
+        return
+    # A survivor's number stands for its id: whole numbers are compared sooner than texts.
+    where = ", ".join(f"k.{name}" for name in ("dataset", "sequence", "frame", *_BOX))
+    connection.execute(
+        f"create temp table candidates as select c.number as proposal_id, c.*, {where} "
+        "from chosen c join kept k on k.rowid = c.number"
+    )
+    path = resource_folder("queries") / "states" / "ignore.sql"
+    undecided = scoped(
+        path.read_text(encoding="utf-8"),
+        ("accepted", "acceptable"),
+        {
+            "accepted": "(select * from candidates where place = 0)",
+            "acceptable": "(select * from candidates where place > 0)",
+        },
+    )
+    connection.execute(
+        "create temp table decided as "
+        "select number, state, score, carried, place from candidates where place = 0 union all "
+        f"select number, 'ignore', score, carried, place from ({undecided})"
+    )
 
 
 def labels_in(connection: duckdb.DuckDBPyConnection) -> tuple[int, int]:

@@ -66,7 +66,8 @@ def judge(
     presets = (preset, *preset.alternatives)
     panel = seats(presets)
     texts = {preset.rules[0].select for preset in presets}
-    opening = [seat for seat in panel if seat.streams and seat.rule.select in texts]
+    first = [seat for seat in panel if seat.rule.select in texts]
+    opening = [seat for seat in first if seat.streams and seat.rule.reads.passes_id]
     if opening:
         passing = _let_through(presets, panel, opening, relations)
         relations = _of_sources(connection, passing, _named(opening), relations)
@@ -188,7 +189,19 @@ def _keep_survivors(
 
 
 def _streamed(run: Sequence[Seat], before: str, relations: Relations) -> str:
-    """SQL of the rows after rules that go row by row: each hands all columns on to the next."""
+    """SQL of the rows after rules that go row by row: each hands all columns on to the next.
+
+    Those that join see what the others leave alive alone.
+    """
+    alone = [seat for seat in run if not seat.joins]
+    rows = _row_by_row(alone, before, relations) if alone else before
+    for seat in run[len(alone) :]:
+        rows = _row_by_row([seat], f"(from {rows} where alive <> 0)", relations)
+    return rows
+
+
+def _row_by_row(run: Sequence[Seat], before: str, relations: Relations) -> str:
+    """SQL of the rows after some rules, none of which sees what another decides."""
     rows = before
     for seat in run:
         rows = _with_verdict(seat, rows, relations)
@@ -227,6 +240,8 @@ def _joined(seat: Seat, before: str, relations: Relations) -> str:
         verdicts, keys = of_frames
         joined = f"(select s.*, v.passed from {before} s join ({verdicts}\n) v using ({keys}))"
         return _after(seat, joined, "passed")
+    if seat.hands_on:
+        return _after(seat, _with_verdict(seat, before, relations), f"passed_{seat.number}")
     numbered = before == ALIVE and rule.reads.passes_id
     rows = before
     if numbered:  # a row's number travels through the rule, not the row

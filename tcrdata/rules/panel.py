@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tcrdata.rules.presets import FilledPreset, FilledRule
+from tcrdata.rules.scopes import handing_on
 
 
 @dataclass(frozen=True)
@@ -27,7 +28,19 @@ class Seat:
     @property
     def streams(self) -> bool:
         """Whether a proposal's row goes in and comes out, so that there is nothing to check."""
-        return self.rule.reads.passes_id and self.rule.reads.row_by_row
+        reads = self.rule.reads
+        return reads.row_by_row and (reads.passes_id or self.hands_on)
+
+    @property
+    def hands_on(self) -> bool:
+        """Whether its text can be made to give a proposal's whole row in the place of the id."""
+        rule = self.rule
+        return rule.reads.starts_with_id and handing_on(rule.select, "") is not None
+
+    @property
+    def joins(self) -> bool:
+        """Whether it reads other tables than `proposals`."""
+        return self.rule.reads.tables != ("proposals",)
 
     def failed(self, passed: str) -> str:
         """SQL of the presets that a verdict fails a proposal for."""
@@ -39,6 +52,8 @@ class Seat:
 
 def seats(presets: Sequence[FilledPreset]) -> list[Seat]:
     """Each rule text of some presets once: those that go row by row first, then earliest place.
+
+    Of those that go row by row the ones that join come last.
 
     Rules say the same of a proposal whichever others judged it before, and joins see fewer rows.
 
@@ -60,7 +75,7 @@ def seats(presets: Sequence[FilledPreset]) -> list[Seat]:
         )
         for number, text in enumerate(sorted(found, key=lambda text: places[text]))
     ]
-    return sorted(earliest, key=lambda seat: not seat.streams)
+    return sorted(earliest, key=lambda seat: (not seat.streams, seat.streams and seat.joins))
 
 
 def runs(panel: Sequence[Seat]) -> list[list[Seat]]:

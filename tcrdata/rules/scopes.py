@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import duckdb
 
 from tcrdata.errors import RuleError
+from tcrdata.rules.tokens import tokens
 
 if TYPE_CHECKING:
     from tcrdata.rules.binding import Reads
@@ -43,10 +45,25 @@ def handing_on(select: str, columns: str) -> str | None:
 
     None where its text starts otherwise, though it may mean the same.
     """
-    changed, times = _HANDS_ON.subn(
-        lambda found: f"select {columns.format(p=found[1])},", select, count=1
-    )
-    return changed if times and _HANDS_ON.match(select) else None
+    span = _id_span(select)
+    if span is None:
+        return None
+    start, end, name = span
+    return f"{select[:start]}select {columns.format(p=name)},{select[end:]}"
+
+
+@lru_cache(maxsize=256)
+def _id_span(select: str) -> tuple[int, int, str] | None:
+    """Where `select p.proposal_id,` starts and ends behind the common table expressions, and `p`."""
+    found = _HANDS_ON.match(select)
+    if not found:
+        depth, data = 0, select.encode()
+        for start, word in tokens(select):
+            if not depth and word.strip().lower() == "select":
+                found = _HANDS_ON.match(select, len(data[:start].decode()))
+                break
+            depth += 0 if word[:1] in "'\"" else word.count("(") - word.count(")")
+    return (*found.span(), found[1]) if found else None
 
 
 def judged_frames(select: str, reads: Reads, relations: Relations) -> tuple[str, str] | None:

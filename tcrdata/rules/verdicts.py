@@ -78,7 +78,7 @@ def _judged(rows: str, place: int, text: str, read: Reads, relations: Mapping[st
     if of_frames:
         verdicts, keys = of_frames
         return f"(select r.*, {renamed}\nfrom {rows} r join ({verdicts}) v using ({keys}))"
-    whole = handing_on(text, "{p}.*") if read.passes_id else None
+    whole = handing_on(text, "{p}.*") if read.passes_id or read.starts_with_id else None
     if whole:
         verdicts = scoped(whole, read.tables, {**relations, "proposals": rows})
         return f"(select * exclude ({', '.join(_VERDICT)}), {renamed}\nfrom ({verdicts}))"
