@@ -44,7 +44,7 @@ def to_rows(table: str, columns: Mapping[str, Any], unit: Unit) -> pa.Table:
 
 def _column(
     table: str, field: pa.Field, columns: Mapping[str, Any], count: int, unit: Unit
-) -> pa.Array:
+) -> pa.Array | pa.ChunkedArray:
     """One column of a batch: given, filled in, or NULL."""
     own = getattr(unit, field.name) if field.name in _KEYS else None
     if field.name in columns:
@@ -70,12 +70,10 @@ def _check_key(table: str, name: str, array: pa.Array, own: Any) -> None:
         )
 
 
-def _to_array(table: str, field: pa.Field, values: Any) -> pa.Array:
+def _to_array(table: str, field: pa.Field, values: Any) -> pa.Array | pa.ChunkedArray:
     """Convert without losing anything but the difference of NaN and NULL."""
-    if isinstance(values, pa.ChunkedArray):
-        values = values.combine_chunks()
     try:
-        if isinstance(values, pa.Array):
+        if isinstance(values, pa.Array | pa.ChunkedArray):
             return values if values.type == field.type else values.cast(field.type)
         if isinstance(values, np.ndarray) and values.ndim > 1:
             values = list(values.reshape(len(values), -1)) if len(values) else []

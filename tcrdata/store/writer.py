@@ -52,6 +52,7 @@ class Writer:
         if not is_heavy(table):
             self._buffer(table, rows)
             return
+        rows = rows.combine_chunks()
         while rows.num_rows:
             growing = self._growing.get(table) or self._grow(table)
             room = ROWS_A_HEAVY_FILE - growing.rows
@@ -66,10 +67,11 @@ class Writer:
         waiting.append(rows)
         if sum(part.num_rows for part in waiting) < ROWS_A_LIGHT_GROUP:
             return
-        gathered = pa.concat_tables(waiting).combine_chunks()
+        gathered = pa.concat_tables(waiting)
         growing = self._growing.get(table) or self._grow(table)
         whole = gathered.num_rows - gathered.num_rows % ROWS_A_LIGHT_GROUP
-        growing.write(gathered.slice(0, whole))
+        # Pages are cut where chunks are: each row is copied, once, into whole row groups.
+        growing.write(gathered.slice(0, whole).combine_chunks())
         self._light[table] = [gathered.slice(whole)]
 
     def error(self, frame: int, message: str) -> None:
