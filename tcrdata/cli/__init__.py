@@ -6,35 +6,19 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from cyclopts import CycloptsError
-
-from tcrdata.cli.app import app
+from tcrdata.cli import overview
 from tcrdata.errors import TcrdataError
-
-# Named, not imported: a command waits for no module but its own, and the list of all for each.
-for _command in (
-    "build", "check", "compact", "diff", "draw", "export", "funnel", "models", "report", "rules",
-    "snapshot", "sql", "status", "test_rules", "track", "view", "views", "warm", "why",
-):  # fmt: skip
-    app.command(f"tcrdata.cli.{_command}:{_command}")
-for _command in ("evaluate", "train"):
-    app.command(f"tcrdata.cli.groups:{_command}_commands", name=_command)
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command; an error becomes one line on stderr and a non-zero exit."""
     tokens = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in tokens
-    if not tokens or tokens[0] in app.help_flags:
-        for name in app:
-            app[name]  # what it does stands in its module
+    tokens = [token for token in tokens if token != "--debug"]
     try:
-        code = app([token for token in tokens if token != "--debug"])
+        code = _run(tokens)
         sys.stdout.flush()
-        sys.exit(code if isinstance(code, int) else 0)
-    except CycloptsError as error:
-        sys.stderr.write(f"tcrdata: {' '.join(str(error).split())} See tcrdata --help.\n")
-        sys.exit(2)
+        sys.exit(code)
     except TcrdataError as error:
         if debug:
             raise
@@ -54,3 +38,23 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
             f"tcrdata: unexpected {kind}: {' '.join(str(error).split())}; run with --debug\n"
         )
         sys.exit(70)
+
+
+def _run(tokens: list[str]) -> int:
+    """Run the command that arguments name; return its exit code."""
+    if overview.is_asked_for(tokens):
+        sys.stdout.write(overview.overview())
+        return 0
+    from cyclopts import CycloptsError
+
+    from tcrdata.cli.app import app
+
+    if not tokens or tokens[0] in app.help_flags:
+        for name in app:
+            app[name]  # what it does stands in its module
+    try:
+        code = app(tokens)
+    except CycloptsError as error:
+        sys.stderr.write(f"tcrdata: {' '.join(str(error).split())} See tcrdata --help.\n")
+        return 2
+    return code if isinstance(code, int) else 0

@@ -8,6 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from tcrdata import __version__
+from tcrdata.cli.overview import ABOUT, COMMANDS, EPILOGUE, GROUPS
 
 StoreUrl = Annotated[str, Parameter(name="--store")]
 Assignments = Annotated[tuple[str, ...], Parameter(name="--set", negative="")]
@@ -16,13 +17,18 @@ Flag = Annotated[bool, Parameter(negative="")]
 app = App(
     name="tcrdata",
     version=__version__,
-    help="Trusted 3D labels from unlabelled video: every candidate is a row, every check is SQL.",
-    help_epilogue="Every command takes --debug, which shows the traceback of an error.",
+    help=ABOUT,
+    help_epilogue=EPILOGUE,
     help_format="plaintext",
     print_error=False,
     exit_on_error=False,
     result_action="return_value",
 )
+# Named, not imported: a command waits for no module but its own, and the list of all for none.
+for _command in COMMANDS:
+    app.command(f"tcrdata.cli.{_command}:{_command}")
+for _command in GROUPS:
+    app.command(f"tcrdata.cli.groups:{_command}_commands", name=_command)
 
 
 def group(command: Callable[..., int], **others: Callable[..., int]) -> App:

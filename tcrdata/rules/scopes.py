@@ -54,7 +54,7 @@ def handing_on(select: str, columns: str) -> str | None:
 
 @lru_cache(maxsize=256)
 def _id_span(select: str) -> tuple[int, int, str] | None:
-    """Where `select p.proposal_id,` starts and ends behind the common table expressions, and `p`."""
+    """Where `select p.proposal_id,` of the outermost select starts and ends, and its `p`."""
     found = _HANDS_ON.match(select)
     if not found:
         depth, data = 0, select.encode()
