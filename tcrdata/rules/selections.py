@@ -86,7 +86,8 @@ def select(
     """
     loaded = load_preset(preset) if isinstance(preset, str) else preset
     filled = loaded.fill(overrides)
-    lacking, filled = lacking_stages(store, filled, round)
+    records = store.records()
+    lacking, filled = lacking_stages(store, records, filled, round)
     unfinished = [(*key, stages) for key, stages in lacking.items() if stages]
     if unfinished and not leave_out_unfinished:
         raise missing_evidence(store, filled, *unfinished[0])
@@ -95,7 +96,7 @@ def select(
     whom = followed if filled.follows else None
     called = name or filled.name
     frozen = store.snapshot(snapshot) if snapshot else None
-    files = frozen.files if frozen else store.files_of(EVIDENCE_TABLES)
+    files = frozen.files if frozen else store.files_of(EVIDENCE_TABLES, records)
     seen = [entry for entry in files if is_read(entry.unit.stage, whom)]
     own = _judged(seen, lacking, filled, round)
     made = not store.is_done(own.unit, own.identity, own.inputs)

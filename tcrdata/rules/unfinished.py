@@ -3,27 +3,27 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import replace
 
 from tcrdata.errors import MissingEvidenceError
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import rounds_read
 from tcrdata.store import Store
-from tcrdata.store.commits import ANY_DATASET
+from tcrdata.store.commits import ANY_DATASET, CommitRecord
 from tcrdata.store.failures import current_failures, is_failure
 
 TRUTH_STAGE = "ground_truth"  # no rule reads it: its failure keeps nobody waiting
 
 
 def lacking_stages(
-    store: Store, preset: FilledPreset, round: int
+    store: Store, records: Sequence[CommitRecord], preset: FilledPreset, round: int
 ) -> tuple[dict[tuple[str, str], list[str]], FilledPreset]:
     """Return each dataset and sequence with the stages that the preset reads and it lacks.
 
     A sequence of which a stage failed lacks none: more does not come of it. The preset comes back
-    with those alternatives alone whose stages every sequence has.
+    with those alternatives alone whose stages every sequence has. `records` are the store's.
     """
-    records = store.records()
     stages: dict[tuple[str, str], set[str]] = defaultdict(set)
     for record in records:
         unit = record.unit

@@ -263,9 +263,11 @@ class Store:
         flat = self.files_of(chosen) if files is None else files
         return snapshots.freeze(self._files, name, chosen, flat)
 
-    def files_of(self, tables: Iterable[str]) -> list[FileEntry]:
-        """The files of several tables at this moment, table by table: found in one pass."""
-        entries = self._entries(sorted(tables), None)
+    def files_of(
+        self, tables: Iterable[str], records: Sequence[CommitRecord] | None = None
+    ) -> list[FileEntry]:
+        """The files of several tables at this moment, or of these records, table by table."""
+        entries = self._entries(sorted(tables), None, records)
         return [entry for table in sorted(entries) for entry in entries[table]]
 
     def snapshot(self, name: str, drive: tuple[str, str] | None = None) -> Snapshot:
@@ -296,13 +298,17 @@ class Store:
         return snapshots.newest_selection(self._files, name, among)
 
     def _entries(
-        self, tables: Sequence[str] | None, snapshot: str | None
+        self,
+        tables: Sequence[str] | None,
+        snapshot: str | None,
+        records: Sequence[CommitRecord] | None = None,
     ) -> dict[str, list[FileEntry]]:
         """The files of each table."""
         snapshot = snapshot or self._pinned
         if snapshot is None:
             chosen = table_names() if tables is None else tables
-            found = [entry for record in self.records() for entry in record.files]
+            records = self.records() if records is None else records
+            found = [entry for record in records for entry in record.files]
         else:
             frozen = self.snapshot(snapshot)
             chosen = frozen.tables if tables is None else tables
