@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
+import duckdb
 import pytest
 
 from tcrdata.errors import RuleError
 from tcrdata.rules.binding import STEADY, Binder, unsteady
 from tcrdata.rules.parameters import to_literal
 from tcrdata.rules.rule_files import load_rules
+from tcrdata.rules.scopes import handing_on
 from tcrdata.rules.sql_files import fill_in, uses
+from tcrdata.rules.syntax_trees import SyntaxTree
 
 HEAD = "-- It is near.\n-- source: none\n-- needs: value <= most_m\n-- cues:\n"
 SET = "set variable most_m = 5.5;  -- m: distance\n"
@@ -127,3 +131,52 @@ def test_equal_values_have_one_spelling(value: object, kind: str, literal: str) 
 
 def test_what_is_taken_for_steady_is() -> None:
     assert not STEADY & unsteady()
+
+
+SAID = "with said as (select {key}, max(confidence) as most from confidences group by {group})\n"
+JOINED = "select p.proposal_id, s.most as value from proposals p left join {said} s on {on}"
+
+
+@pytest.mark.parametrize(
+    ("key", "group", "said", "on", "once"),
+    [
+        ("proposal_id", "proposal_id", "said", "s.proposal_id = p.proposal_id", True),
+        (
+            "proposal_id",
+            "proposal_id",
+            "said",
+            "p.proposal_id = s.proposal_id and s.most > 1",
+            True,
+        ),
+        (
+            "proposal_id, frame",
+            "proposal_id, frame",
+            "said",
+            "s.proposal_id = p.proposal_id",
+            False,
+        ),
+        ("proposal_id", "proposal_id, frame", "said", "s.proposal_id = p.proposal_id", False),
+        ("proposal_id", "proposal_id", "said", "s.proposal_id >= p.proposal_id", False),
+        ("proposal_id", "proposal_id", "said", "s.proposal_id = s.proposal_id", False),
+        (
+            "lower(proposal_id) as proposal_id",
+            "all",
+            "said",
+            "s.proposal_id = p.proposal_id",
+            False,
+        ),
+        ("proposal_id", "proposal_id", "confidences", "s.proposal_id = p.proposal_id", False),
+    ],
+)
+def test_only_what_is_joined_by_all_that_it_is_grouped_by_matches_once(
+    key: str, group: str, said: str, on: str, once: bool
+) -> None:
+    text = SAID.format(key=key, group=group) + JOINED.format(said=said, on=on)
+    text = text.replace("s.most", "s.confidence") if said == "confidences" else text
+    (serialized,) = duckdb.execute("select json_serialize_sql($1)", [text]).fetchall()
+    tree = SyntaxTree(json.loads(serialized[0]))
+    assert tree.row_by_row is once
+    assert tree.starts_with_id
+    whole = handing_on(text, "{p}.*")
+    assert whole is not None
+    assert whole.startswith(text.partition("select p.")[0] + "select p.*, s.")
