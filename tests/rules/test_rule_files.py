@@ -134,38 +134,21 @@ def test_what_is_taken_for_steady_is() -> None:
 
 
 SAID = "with said as (select {key}, max(confidence) as most from confidences group by {group})\n"
+OWN = "p.proposal_id = s.proposal_id"
 JOINED = "select p.proposal_id, s.most as value from proposals p left join {said} s on {on}"
 
 
 @pytest.mark.parametrize(
     ("key", "group", "said", "on", "once"),
     [
-        ("proposal_id", "proposal_id", "said", "s.proposal_id = p.proposal_id", True),
-        (
-            "proposal_id",
-            "proposal_id",
-            "said",
-            "p.proposal_id = s.proposal_id and s.most > 1",
-            True,
-        ),
-        (
-            "proposal_id, frame",
-            "proposal_id, frame",
-            "said",
-            "s.proposal_id = p.proposal_id",
-            False,
-        ),
-        ("proposal_id", "proposal_id, frame", "said", "s.proposal_id = p.proposal_id", False),
+        ("proposal_id", "proposal_id", "said", OWN, True),
+        ("proposal_id", "proposal_id", "said", f"{OWN} and s.most > 1", True),
+        ("proposal_id, frame", "proposal_id, frame", "said", OWN, False),
+        ("proposal_id", "proposal_id, frame", "said", OWN, False),
         ("proposal_id", "proposal_id", "said", "s.proposal_id >= p.proposal_id", False),
         ("proposal_id", "proposal_id", "said", "s.proposal_id = s.proposal_id", False),
-        (
-            "lower(proposal_id) as proposal_id",
-            "all",
-            "said",
-            "s.proposal_id = p.proposal_id",
-            False,
-        ),
-        ("proposal_id", "proposal_id", "confidences", "s.proposal_id = p.proposal_id", False),
+        ("lower(proposal_id) as proposal_id", "all", "said", OWN, False),
+        ("proposal_id", "proposal_id", "confidences", OWN, False),
     ],
 )
 def test_only_what_is_joined_by_all_that_it_is_grouped_by_matches_once(
