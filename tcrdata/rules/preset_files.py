@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -50,6 +51,24 @@ def load_preset(name: str) -> Preset:
         RuleError: with file and line.
     """
     path = _path_of(name)
+    return _shipped_preset(path, _stamps()) if path == _shipped(path.stem) else _loaded(path)
+
+
+@lru_cache(maxsize=64)
+def _shipped_preset(path: Path, stamps: tuple[int, ...]) -> Preset:
+    """A preset that ships, read anew only when one of the files beside it has changed."""
+    del stamps
+    return _loaded(path)
+
+
+def _stamps() -> tuple[int, ...]:
+    """When each preset and rule that ships was written."""
+    paths = (*resource_files("queries/presets/*.sql"), *resource_files("queries/rules/*.sql"))
+    return tuple(path.stat().st_mtime_ns for path in paths)
+
+
+def _loaded(path: Path) -> Preset:
+    """Read a preset, its rules and the presets that it names included."""
     known: dict[str, Rule] = {}
     with Binder() as binder:
         preset = _read(path, binder, known)
