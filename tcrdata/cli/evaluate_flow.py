@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from tcrdata.flow_evaluation import ScoredFlow
 
 COLUMNS = (
-    "pairs", "of", "flow", "size", "known px", "EPE px", "Fl", "consistent", "EPE consistent",
-    "EPE inconsistent",
+    "pairs", "of", "flow", "size", "known px", "EPE px", "Fl", "consistent", "EPE there", "else",
+    "moving",
 )  # fmt: skip
 
 
@@ -87,7 +87,7 @@ def _scored(
 
 
 def _rows(scored: list[ScoredFlow], *, each: bool) -> list[tuple[Any, ...]]:
-    """A row for each group and estimator, below rows of its pairs where there are few."""
+    """A row for each group and estimator, and for zeros, below rows of its pairs where few."""
     from tcrdata.evaluation.flow import total_score
 
     rows: list[tuple[Any, ...]] = []
@@ -102,6 +102,11 @@ def _rows(scored: list[ScoredFlow], *, each: bool) -> list[tuple[Any, ...]]:
             sizes = sorted({f"{one.width_px}x{one.height_px}" for one in own})
             total = total_score(one.score for one in own)
             rows.append((f"all {len(own)}", group, method, ", ".join(sizes), *_numbers(total)))
+    for group in dict.fromkeys(one.group for one in scored):
+        scores = [one.score for one in scored if one.group == group]
+        zeros = total_score(scores).of_zeros()
+        if zeros.known:
+            rows.append((f"all {len(scores)}", group, "zeros", "", *_numbers(zeros)))
     return rows
 
 
@@ -113,10 +118,12 @@ def _numbers(score: FlowScore) -> tuple[Any, ...]:
         score.consistent_share,
         score.epe_consistent_px,
         score.epe_inconsistent_px,
+        score.epe_moving_px,
     )
 
 
 def _plain(one: ScoredFlow) -> dict[str, Any]:
+    zeros = one.score.of_zeros()
     return {
         "group": one.group,
         "name": one.name,
@@ -129,4 +136,11 @@ def _plain(one: ScoredFlow) -> dict[str, Any]:
         "consistent_share": one.score.consistent_share,
         "epe_consistent_px": one.score.epe_consistent_px,
         "epe_inconsistent_px": one.score.epe_inconsistent_px,
+        "moving_pixels": one.score.moving,
+        "epe_moving_px": one.score.epe_moving_px,
+        "zeros": {
+            "epe_px": zeros.epe_px,
+            "outlier_share": zeros.outlier_share,
+            "epe_moving_px": zeros.epe_moving_px,
+        },
     }

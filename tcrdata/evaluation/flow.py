@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,11 +11,14 @@ from tcrdata.types import BoolArray, Float32Array
 
 OUTLIER_PX = 3.0
 OUTLIER_SHARE = 0.05
+MOVING_PX = 0.5
 PROTOCOL = (
     "endpoint error |w - w_true| in px, over the pixels with known flow; outliers (KITTI Fl): more "
     f"than {OUTLIER_PX:g} px and more than {100 * OUTLIER_SHARE:g} % of |w_true|;\n"
     "consistent: |w + w''|^2 < 0.05 (|w|^2 + |w''|^2) + 0.5 (eq. 5), over all pixels; "
-    "several flows: every pixel counts alike"
+    "then the error there, elsewhere,\n"
+    f"and where |w_true| is {MOVING_PX:g} px and more (moving); zeros: what a flow of zeros scores;"
+    " several flows: every pixel counts alike"
 )
 
 
@@ -31,6 +34,11 @@ class FlowScore:
         outliers: pixels with known flow that KITTI counts as wrong.
         error_px: sum of endpoint errors over the known pixels.
         error_consistent_px: the same, over those that pass the cycle test.
+        moving: pixels with known flow of MOVING_PX and more.
+        error_moving_px: sum of endpoint errors over these.
+        length_px: sum of |w_true|, which is what a flow of zeros errs by.
+        length_moving_px: the same, over the moving pixels.
+        long: pixels at which a flow of zeros would be an outlier.
     """
 
     pixels: int = 0
@@ -40,6 +48,11 @@ class FlowScore:
     outliers: int = 0
     error_px: float = 0.0
     error_consistent_px: float = 0.0
+    moving: int = 0
+    error_moving_px: float = 0.0
+    length_px: float = 0.0
+    length_moving_px: float = 0.0
+    long: int = 0
 
     @property
     def consistent_share(self) -> float | None:
@@ -67,6 +80,23 @@ class FlowScore:
         left = self.known - self.known_consistent
         return _ratio(self.error_px - self.error_consistent_px, left)
 
+    @property
+    def epe_moving_px(self) -> float | None:
+        """Mean endpoint error of the moving pixels: before a still camera most of the rest is 0."""
+        return _ratio(self.error_moving_px, self.moving)
+
+    def of_zeros(self) -> FlowScore:
+        """Return what a flow of zeros would score there; it passes the cycle test everywhere."""
+        return replace(
+            self,
+            consistent=self.pixels,
+            known_consistent=self.known,
+            outliers=self.long,
+            error_px=self.length_px,
+            error_consistent_px=self.length_px,
+            error_moving_px=self.length_moving_px,
+        )
+
 
 def flow_score(flow: Float32Array, consistent: BoolArray, truth: Float32Array | None) -> FlowScore:
     """Score one flow.
@@ -82,8 +112,9 @@ def flow_score(flow: Float32Array, consistent: BoolArray, truth: Float32Array | 
     known = np.isfinite(truth).all(axis=2)
     wanted = truth[known].astype(np.float64)
     error = np.linalg.norm(flow[known].astype(np.float64) - wanted, axis=1)
-    wrong = (error > OUTLIER_PX) & (error > OUTLIER_SHARE * np.linalg.norm(wanted, axis=1))
-    checked = consistent[known]
+    length = np.linalg.norm(wanted, axis=1)
+    wrong = (error > OUTLIER_PX) & (error > OUTLIER_SHARE * length)
+    checked, moving = consistent[known], length >= MOVING_PX
     return FlowScore(
         pixels=consistent.size,
         consistent=passed,
@@ -92,6 +123,11 @@ def flow_score(flow: Float32Array, consistent: BoolArray, truth: Float32Array | 
         outliers=int(wrong.sum()),
         error_px=float(error.sum()),
         error_consistent_px=float(error[checked].sum()),
+        moving=int(moving.sum()),
+        error_moving_px=float(error[moving].sum()),
+        length_px=float(length.sum()),
+        length_moving_px=float(length[moving].sum()),
+        long=int((length > OUTLIER_PX).sum()),
     )
 
 

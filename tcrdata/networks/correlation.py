@@ -60,7 +60,7 @@ class CorrelationPyramid:
         centers = ends.permute(0, 2, 3, 1).reshape(-1, 2)
         found = [self._level(level, centers / 2**level) for level in range(LEVELS)]
         together = torch.cat(found, dim=1).view(batch, height, width, -1)
-        return together.permute(0, 3, 1, 2).contiguous()
+        return together.permute(0, 3, 1, 2)
 
     def _level(self, level: int, centers: torch.Tensor) -> torch.Tensor:
         """(P, (2 radius + 1)^2) correlations of one level around (P, 2) centres."""

@@ -129,6 +129,8 @@ def test_a_build_measures_with_raft(taught: Path) -> None:
     assert {one["method"] for one in dis} == {"dis"}
     assert [one["name"] for one in raft] == [one["name"] for one in dis]
     assert [one["epe_px"] for one in dis] != [one["epe_px"] for one in raft]
+    assert [one["zeros"] for one in dis] == [one["zeros"] for one in raft]
+    assert "zeros" in done("evaluate", "flow", "--store", taught).out
 
 
 def test_the_same_frames_and_weights_of_a_file_give_the_same_scores(

@@ -20,6 +20,10 @@ def test_a_score_by_hand() -> None:
     assert score.consistent_share == pytest.approx(3 / 5)
     assert score.epe_consistent_px == pytest.approx(2)
     assert score.epe_inconsistent_px == pytest.approx(3.5)
+    assert score.epe_moving_px == pytest.approx(4)
+    zeros = score.of_zeros()
+    assert zeros == flow_score(np.zeros_like(flow), np.ones((1, 5), bool), truth)
+    assert (zeros.epe_px, zeros.epe_moving_px, zeros.outlier_share) == (25, 100, 0.25)
 
 
 def test_without_truth_only_the_consistent_share_is_known() -> None:
