@@ -22,6 +22,7 @@ from tcrdata.rules.rule_files import (
     load_rules,
     names_in,
     read_rule,
+    written,
 )
 from tcrdata.rules.sql_files import SqlFile, read_sql_file, uses
 
@@ -51,7 +52,9 @@ def load_preset(name: str) -> Preset:
         RuleError: with file and line.
     """
     path = _path_of(name)
-    return _shipped_preset(path, _stamps()) if path == _shipped(path.stem) else _loaded(path)
+    if path != _shipped(path.stem):
+        return _loaded(path)
+    return _shipped_preset(path, written("queries/presets/*.sql", "queries/rules/*.sql"))
 
 
 @lru_cache(maxsize=64)
@@ -59,12 +62,6 @@ def _shipped_preset(path: Path, stamps: tuple[int, ...]) -> Preset:
     """A preset that ships, read anew only when one of the files beside it has changed."""
     del stamps
     return _loaded(path)
-
-
-def _stamps() -> tuple[int, ...]:
-    """When each preset and rule that ships was written."""
-    paths = (*resource_files("queries/presets/*.sql"), *resource_files("queries/rules/*.sql"))
-    return tuple(path.stat().st_mtime_ns for path in paths)
 
 
 def _loaded(path: Path) -> Preset:
