@@ -16,12 +16,15 @@ for _pool in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "POL
 REPOSITORY = Path(__file__).resolve().parents[1]
 # Each takes longest as a whole: what begins first does not keep the last process waiting.
 LONGEST = (
-    "test_rounds",
     "test_notebooks",
+    "test_rounds",
+    "test_readme",
+    "test_pipeline",
     "test_cli",
+    "test_flow_commands",
+    "test_report",
     "test_damaged_input",
     "test_damage",
-    "test_readme",
 )
 
 
