@@ -13,7 +13,7 @@ from tcrdata.store import open_store
 from tcrdata.track_plans import plan_tracking
 from tcrdata.track_runs import track
 
-CLIPS = (("street", "frames=4,images=true"), ("demo", "frames=4"))
+CLIPS = (("street", "frames=3,images=true"), ("demo", "frames=3"))
 LOOSE = "paper"  # a preset that labels something in so few frames
 
 
