@@ -9,11 +9,10 @@ from tcrdata import registry
 from tcrdata.errors import DatasetError
 from tcrdata.ingest import unit_inputs
 from tcrdata.outcomes import BuildReport, UnitOutcome
-from tcrdata.plan import FRAMES, ROUND, TRUTH, Plan, needed_stages
+from tcrdata.plan import FRAMES, ROUND, TRACKING, TRUTH, Plan, needed_stages
 from tcrdata.rounds import Loop
 from tcrdata.store import Store, Unit, open_store, store_exists
 from tcrdata.store.failures import current_failures
-from tcrdata.store.followed import BOXES
 from tcrdata.trainings import known_model, learnable, recipe_of
 from tcrdata.types import Dataset, SequenceInfo
 
@@ -60,7 +59,7 @@ def _tracked(loop: Loop, store_url: str, number: int, before: BuildReport) -> It
     plan = loop.plan(number, {})
     if before.count("todo"):
         for sequence in plan.sequences:
-            for kind in ("tracklets", "tracklets_library", BOXES):
+            for kind in TRACKING:
                 yield UnitOutcome(Unit(kind, plan.dataset_name, sequence, number), "todo")
         return
     store = open_store(store_url)

@@ -12,11 +12,14 @@ from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.frame_ranges import FrameRanges
 from tcrdata.rules import Preset, load_preset, preset_names
 from tcrdata.store import Store, Unit
+from tcrdata.store.followed import BOXES
 from tcrdata.types import Dataset
 
 FRAMES = "frames"
 TRUTH = "ground_truth"
 ROUND = 1
+TRACKING = ("tracklets", "tracklets_library", BOXES)
+"""Units of a sequence whose labels are tracked: short range, with the library, boxes added."""
 
 
 @dataclass(frozen=True)

@@ -26,9 +26,6 @@ from tcrdata.trainings import Trained, check_torch, learn, learnable, recipe_of
 LEADER = "tcrdata"
 """Of all presets together, the one whose labels are learnt from."""
 
-STAGES_OF_TRACKING = 3
-"""Units of a sequence whose labels are tracked: short range, with the library, boxes added."""
-
 _TRAIN = "train"
 
 
@@ -63,7 +60,7 @@ class Loop:
     @property
     def units(self) -> int:
         """Number of units of work, a training counted as one."""
-        followed = STAGES_OF_TRACKING if self.followers else 0
+        followed = len(planning.TRACKING) if self.followers else 0
         own = (len(self.first.stages) + followed) * len(self.first.sequences)
         if self.later is None:
             return own

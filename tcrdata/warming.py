@@ -8,13 +8,17 @@ from dataclasses import replace
 
 from tcrdata.executors import Serial
 from tcrdata.pipeline import build_sequence, plan_build
+from tcrdata.rules import select
 from tcrdata.store import open_store
+from tcrdata.track_plans import plan_tracking
+from tcrdata.track_runs import track
 
-CLIPS = (("street", "frames=4,images=true"), ("demo", "frames=4"))
+CLIPS = (("street", "frames=3,images=true"), ("demo", "frames=3"))
+LOOSE = "paper"  # a preset that labels something in so few frames
 
 
 def warm() -> int:
-    """Build a few generated frames in memory with every preset; return the units made.
+    """Build a few generated frames in memory with every preset, and track; return the units made.
 
     The compiled kernels are cached beside the installed package, or where NUMBA_CACHE_DIR says.
     """
@@ -23,9 +27,14 @@ def warm() -> int:
     for dataset, spec in CLIPS:
         clip = plan_build(dataset, spec)
         plan = replace(whole, dataset=dataset, root=clip.root, sequences=clip.sequences)
-        store = open_store(f"memory://warm-{dataset}", create=True)
+        url = f"memory://warm-{dataset}"
+        store = open_store(url, create=True)
         for sequence in plan.sequences:
             with contextlib.redirect_stdout(io.StringIO()):
                 outcomes = list(build_sequence(store, plan, sequence, Serial()))
             made += sum(outcome.state == "made" for outcome in outcomes)
+        labels = select(open_store(url), LOOSE)
+        if labels.labels:
+            tracking = plan_tracking(open_store(url), labels.selection_id)
+            made += len(track(url, tracking, workers=1, progress=lambda _: None))
     return made

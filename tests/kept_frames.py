@@ -1,38 +1,39 @@
-"""Generated frames kept in memory: drives that many builds of one module read are cast once."""
+"""Generated frames kept in memory: what many builds of one module read is cast and drawn once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import copy
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 import pytest
 
+from tcrdata.datasets.demo import Demo
 from tcrdata.datasets.street import StreetDrive
-from tcrdata.types import Frame, ImageArray, PointCloud
+
+MADE = ("read_points", "read_image", "ground_truth")
 
 
 @contextmanager
 def kept_frames() -> Iterator[None]:
-    """Let a street's sweeps and images be made once; each reader gets copies of its own."""
-    clouds: dict[Any, PointCloud] = {}
-    images: dict[Any, ImageArray] = {}
-    cast, render = StreetDrive.read_points, StreetDrive.read_image
-
-    def read_points(drive: StreetDrive, frame: Frame) -> PointCloud:
-        key = (drive.spec, frame.frame)
-        if key not in clouds:
-            clouds[key] = cast(drive, frame)
-        return PointCloud(clouds[key].xyz.copy(), clouds[key].reflectance.copy())
-
-    def read_image(drive: StreetDrive, frame: Frame) -> ImageArray:
-        key = (drive.spec, frame.frame)
-        if key not in images:
-            images[key] = render(drive, frame)
-        return np.copy(images[key])
-
+    """Let what a generated drive or clip gives be made once; each reader gets a copy of its own."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(StreetDrive, "read_points", read_points)
-        patch.setattr(StreetDrive, "read_image", read_image)
+        for dataset in (Demo, StreetDrive):
+            for name in MADE:
+                patch.setattr(dataset, name, kept(getattr(dataset, name)))
         yield
+
+
+def kept(make: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """Return a method that makes the same but once, of the same specification."""
+    made: dict[Any, Any] = {}
+
+    def copied(dataset: Any, of: Any) -> Any:
+        frame = (of.sequence, of.frame) if hasattr(of, "sequence") else of
+        key = (dataset.spec, frame)
+        if key not in made:
+            made[key] = make(dataset, of)
+        return copy.deepcopy(made[key])
+
+    return copied

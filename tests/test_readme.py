@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+from forked_commands import forked_commands
 from kitti_tree import write_raw
 
 from tcrdata.rules import load_rules, preset_names
@@ -28,15 +28,17 @@ def test_every_command_runs(readme: str, tmp_path: Path) -> None:
     """In one shell that stops at the first failure, on a small generated KITTI drive."""
     write_raw(tmp_path / "kitti", frames=12)
     script = "set -euo pipefail\n" + "\n".join(blocks(readme, "bash"))
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    result = subprocess.run(
-        ["bash", "-c", script],
-        cwd=tmp_path,
-        env={**os.environ, "PATH": path, "KITTI": str(tmp_path / "kitti")},
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
+    commands = tmp_path / "commands"
+    commands.mkdir()
+    with forked_commands(commands) as path:
+        result = subprocess.run(
+            ["bash", "-c", script],
+            cwd=tmp_path,
+            env={**os.environ, "PATH": path, "KITTI": str(tmp_path / "kitti")},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
     assert result.returncode == 0, result.stderr
     assert "nothing to do" in result.stderr
     assert list((tmp_path / "labels" / "label_02").glob("*.txt"))

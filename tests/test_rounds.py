@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from cli_runs import done, refused, run
-from kept_frames import kept_frames
 from store_files import digests
 
 from tcrdata import pipeline, rounds
@@ -52,12 +50,6 @@ def build(
         progress=progress or (lambda _: None),
         trained=trained or (lambda *_: None),
     )
-
-
-@pytest.fixture(scope="module", autouse=True)
-def frames_of_the_drive() -> Iterator[None]:
-    with kept_frames():
-        yield
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from tcrdata.errors import FrameError
-from tcrdata.geometry.kernels import kernel
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import Float32Array, FloatArray
 
 _COLUMNS = ("x", "y", "z", "reflectance")
@@ -78,7 +78,7 @@ def _wrong_numbers(points: Float32Array) -> str:
 
 # One pass over all: sweeps are read again and again. One term after the other: a matrix product
 # would round as the threads share it out.
-@kernel(nogil=True, error_model="numpy")
+@compiled
 def _split(
     points: Float32Array,
     matrix: Float32Array,

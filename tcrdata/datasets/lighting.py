@@ -16,13 +16,13 @@ from tcrdata.geometry.intersections import (
     CYLINDER,
     SPHERE,
     hit_shape,
-    kernel,
     may_hit,
 )
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import FloatArray, IntArray
 
 
-@kernel
+@compiled
 def surface_normal(
     kind: int, A: FloatArray, half_size: FloatArray, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
@@ -60,7 +60,7 @@ def surface_normal(
     return nx / length, ny / length, nz / length
 
 
-@kernel
+@compiled
 def gather_shadowers(
     spheres: FloatArray, light: FloatArray, points: FloatArray, hits: IntArray, found: IntArray
 ) -> int:
@@ -95,7 +95,7 @@ def gather_shadowers(
     return number
 
 
-@kernel
+@compiled
 def _lit_share(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -134,7 +134,7 @@ def _lit_share(
     return lit / rays
 
 
-@kernel
+@compiled
 def _open_share(
     spheres: FloatArray, own: int, x: float, y: float, z: float, nx: float, ny: float, nz: float
 ) -> float:
@@ -153,7 +153,7 @@ def _open_share(
     return 1.0 / (1.0 + 1.2 * closed)
 
 
-@kernel
+@compiled
 def sky_colour(light: FloatArray, dz: float, length: float) -> tuple[float, float, float]:
     """Return linear RGB of the sky along a direction of the given length."""
     up = math.sqrt(min(1.0, max(0.0, dz / length)))
@@ -164,7 +164,7 @@ def sky_colour(light: FloatArray, dz: float, length: float) -> tuple[float, floa
     )
 
 
-@kernel
+@compiled
 def surface_colour(
     kinds: IntArray,
     unit_T_world: FloatArray,

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import math
 
-from tcrdata.geometry.intersections import kernel
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import FloatArray
 
 
-@kernel
+@compiled
 def norm(row: FloatArray) -> float:
     """Return the length of a vector of three."""
     return math.sqrt(row[0] * row[0] + row[1] * row[1] + row[2] * row[2])
 
 
-@kernel
+@compiled
 def add(pixel: FloatArray, colour: tuple[float, float, float], weight: float) -> None:
     """Add a weighted colour to a pixel."""
     pixel[0] += weight * colour[0]
@@ -26,14 +26,14 @@ def add(pixel: FloatArray, colour: tuple[float, float, float], weight: float) ->
     pixel[2] += weight * colour[2]
 
 
-@kernel
+@compiled
 def reach(point: FloatArray, origin: FloatArray, time: float, ray: FloatArray) -> None:
     """Set a point to where a ray is at a time."""
     for axis in range(3):
         point[axis] = origin[axis] + time * ray[axis]
 
 
-@kernel
+@compiled
 def average(rows: FloatArray, first: int, count: int) -> None:
     """Set the first of some rows to their mean."""
     for axis in range(3):
@@ -43,7 +43,7 @@ def average(rows: FloatArray, first: int, count: int) -> None:
         rows[first, axis] = total / count
 
 
-@kernel
+@compiled
 def aim(R: FloatArray, first: int, row: int, n: int, rays: FloatArray) -> None:
     """Fill in the rays of a strip of pixels, n * n samples each, pixel by pixel."""
     for i in range(len(rays)):

@@ -15,7 +15,8 @@ from tcrdata.datasets.lighting import (
 )
 from tcrdata.datasets.rays import add, aim, average, norm, reach
 from tcrdata.datasets.textures import albedo
-from tcrdata.geometry.intersections import gather_candidates, hit_shape, kernel, may_hit
+from tcrdata.geometry.intersections import gather_candidates, hit_shape, may_hit
+from tcrdata.geometry.kernels import compiled
 from tcrdata.geometry.raycasting import Primitives
 from tcrdata.types import FloatArray, ImageArray, IntArray
 
@@ -127,7 +128,7 @@ def inspect_hits(
     )
 
 
-@kernel
+@compiled
 def _render(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -180,7 +181,7 @@ def _render(
     return image
 
 
-@kernel
+@compiled
 def _is_plain(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -212,7 +213,7 @@ def _is_plain(
     return p < 0 or x * x + y * y + z * z > (0.99 * count) ** 2
 
 
-@kernel
+@compiled
 def _first_hit(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -232,7 +233,7 @@ def _first_hit(
     return best, hit
 
 
-@kernel
+@compiled
 def _inspect(
     kinds: IntArray,
     unit_T_world: FloatArray,

@@ -9,7 +9,8 @@ from typing import Literal
 
 import numpy as np
 
-from tcrdata.geometry.intersections import BOX, PLANE, kernel
+from tcrdata.geometry.intersections import BOX, PLANE
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import FloatArray
 
 Pattern = Literal["noise", "planks", "windows", "road"]
@@ -49,7 +50,7 @@ def material_rows(materials: Sequence[Material], seeds: Sequence[int]) -> FloatA
     ).reshape(-1, 10)
 
 
-@kernel
+@compiled
 def _lattice(i: int, j: int, k: int, seed: int) -> float:
     h = np.uint32(i) * np.uint32(0x8DA6B343) ^ np.uint32(j) * np.uint32(0xD8163841)
     h = np.uint32(
@@ -60,7 +61,7 @@ def _lattice(i: int, j: int, k: int, seed: int) -> float:
     return np.float64(h ^ (h >> np.uint32(15))) / 2147483648.0 - 1.0
 
 
-@kernel
+@compiled
 def _value_noise(x: float, y: float, z: float, seed: int) -> float:
     i, j, k = math.floor(x), math.floor(y), math.floor(z)
     u, v, w = x - i, y - j, z - k
@@ -75,7 +76,7 @@ def _value_noise(x: float, y: float, z: float, seed: int) -> float:
     return total
 
 
-@kernel
+@compiled
 def _solid_noise(
     x: float, y: float, z: float, frequency: float, footprint: float, seed: int
 ) -> float:
@@ -97,7 +98,7 @@ def _solid_noise(
     return total
 
 
-@kernel
+@compiled
 def road_coordinates(x: float, y: float, curvature: float) -> tuple[float, float]:
     """Return metres along and to the left of an arc that leaves the origin along x."""
     if abs(curvature) < 1e-9:
@@ -108,7 +109,7 @@ def road_coordinates(x: float, y: float, curvature: float) -> tuple[float, float
     return along, radius - sign * math.hypot(x, y - radius)
 
 
-@kernel
+@compiled
 def _road_tone(x: float, y: float, curvature: float, half_width: float) -> float:
     along, across = road_coordinates(x, y, curvature)
     side = abs(across)
@@ -117,7 +118,7 @@ def _road_tone(x: float, y: float, curvature: float, half_width: float) -> float
     return 1.0
 
 
-@kernel
+@compiled
 def _window_tone(kind: int, x: float, y: float, z: float, mx: float, my: float, mz: float) -> float:
     if kind != BOX or abs(z) > 0.999:
         return 1.0
@@ -126,7 +127,7 @@ def _window_tone(kind: int, x: float, y: float, z: float, mx: float, my: float, 
     return 0.35 if 0.3 < u < 0.7 and 0.3 < v < 0.75 else 1.0
 
 
-@kernel
+@compiled
 def _plank_tone(x: float, y: float, footprint: float, seed: int) -> float:
     row = math.floor(y / 1.1)
     shift = 2.7 * _lattice(int(row), 3, 5, seed)
@@ -139,7 +140,7 @@ def _plank_tone(x: float, y: float, footprint: float, seed: int) -> float:
     return groove * (1.0 + 0.07 * _lattice(int(row), int(board), 9, seed))
 
 
-@kernel
+@compiled
 def albedo(
     material: FloatArray,
     kind: int,

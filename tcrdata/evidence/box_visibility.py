@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from tcrdata.evidence.kernels import compiled
 from tcrdata.evidence.range_images import RangeGrid, RangeImage, locate
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
 _UNKNOWN, _CLEAR, _HIDDEN, _OUTSIDE = 0, 1, 2, 3

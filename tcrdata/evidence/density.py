@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.evidence.alignment import sort_by_cell
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import Float32Array, IntArray
 
 Index = int | np.signedinteger[Any]

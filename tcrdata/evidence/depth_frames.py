@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.geometry.transforms import inverse, transform_points
 from tcrdata.types import Float32Array, FloatArray, Frame, PointCloud
 

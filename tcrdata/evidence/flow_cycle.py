@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array
 
 PAPER_BIT = 1

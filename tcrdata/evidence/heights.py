@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
 

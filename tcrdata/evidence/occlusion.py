@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.kernels import compiled
 from tcrdata.evidence.range_images import RangeGrid, RangeImage, locate
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import Float32Array, FloatArray, IntArray
 
 _ALONG = (np.arange(12) + 0.5) / 12

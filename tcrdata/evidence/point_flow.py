@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.errors import FrameError
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import Dataset, Float32Array, FloatArray, Frame, IntArray, PointCloud
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tcrdata.errors import EvidenceError
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.geometry.transforms import inverse
 from tcrdata.types import Float32Array, Frame, Sensor
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray, IntArray
 
 _BINS = 720

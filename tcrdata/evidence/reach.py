@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcrdata.evidence.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray, IntArray
 
 

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from tcrdata.evidence.body_heading import body_heading, shape_headings
-from tcrdata.evidence.kernels import compiled
 from tcrdata.evidence.path_smoothing import smooth_path
 from tcrdata.evidence.sightings import RefinedPath, RefinementSettings, Sightings
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, FloatArray, IntArray
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.evidence.kernels import compiled
 from tcrdata.evidence.range_images import RangeGrid, RangeImage, cells_of
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import Float32Array, FloatArray, ImageArray
 
 

@@ -13,10 +13,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from tcrdata.geometry.kernels import kernel
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, FloatArray
-
-_compiled = kernel()
 
 _ANGLES = 90
 _CORNER_SIGNS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
@@ -42,7 +40,7 @@ class BevBox(NamedTuple):
     fill_share: float
 
 
-@_compiled
+@compiled
 def _convex_hull(points: FloatArray) -> FloatArray:
     """Return the hull's corners in order, of points sorted by x, then z (monotone chain)."""
     count = len(points)
@@ -68,7 +66,7 @@ def _convex_hull(points: FloatArray) -> FloatArray:
     return hull[: max(size, 1)].copy()
 
 
-@_compiled
+@compiled
 def _polygon_area(corners: FloatArray) -> float:
     total = 0.0
     for i in range(len(corners)):
@@ -77,7 +75,7 @@ def _polygon_area(corners: FloatArray) -> float:
     return abs(total) / 2
 
 
-@_compiled
+@compiled
 def _extents(points: FloatArray, angle: float) -> tuple[float, float, float, float]:
     """Return the smallest and largest coordinates along the length and width axes."""
     c, s = math.cos(angle), math.sin(angle)
@@ -90,7 +88,7 @@ def _extents(points: FloatArray, angle: float) -> tuple[float, float, float, flo
     return l0, l1, w0, w1
 
 
-@_compiled
+@compiled
 def _smallest_rectangle_angle(hull: FloatArray) -> float:
     best_angle, best_area = 0.0, np.inf
     for i in range(len(hull)):
@@ -103,7 +101,7 @@ def _smallest_rectangle_angle(hull: FloatArray) -> float:
     return best_angle
 
 
-@_compiled
+@compiled
 def _closeness_angle(points: FloatArray, floor_m: float) -> float:
     best_angle, best_score = 0.0, -1.0
     for step in range(_ANGLES):
@@ -188,7 +186,7 @@ def points_in_box(
     return _inside(np.ascontiguousarray(xyz), np.asarray(box, dtype=np.float64), margin_m)
 
 
-@_compiled
+@compiled
 def _inside(xyz: NDArray[np.floating], box: FloatArray, margin_m: float) -> BoolArray:
     c, s = math.cos(box[6]), math.sin(box[6])
     length, width, height = box[3] / 2 + margin_m, box[4] / 2 + margin_m, box[5] / 2 + margin_m

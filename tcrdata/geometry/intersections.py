@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar
 
-import numba
 import numpy as np
 
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import FloatArray, IntArray
 
 PLANE, SPHERE, BOX, CYLINDER, CONE = range(5)
 RELIEF_STEPS = 12
 
-F = TypeVar("F", bound=Callable[..., Any])
 
-
-def kernel(function: F) -> F:
-    """Compile a function of scalars and arrays, keeping the machine code for the next process.
-
-    Numba looks for changes in a kernel's own file alone: after editing a kernel that other files
-    call, delete `__pycache__/*.nbi` beside them.
-    """
-    compiled: F = numba.njit(cache=True, nogil=True)(function)
-    return compiled
-
-
-@kernel
+@compiled
 def may_hit(
     spheres: FloatArray,
     p: int,
@@ -59,7 +45,7 @@ def may_hit(
     return bool(past <= 0.0 or past * past <= radius * radius * length2)
 
 
-@kernel
+@compiled
 def hit_shape(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -93,7 +79,7 @@ def hit_shape(
     return _hit_plane(px, py, pz, qx, qy, qz, half_sizes[p, 0], half_sizes[p, 2], limit)
 
 
-@kernel
+@compiled
 def _hit_sphere(px: float, py: float, pz: float, qx: float, qy: float, qz: float) -> float:
     a = qx * qx + qy * qy + qz * qz
     b = px * qx + py * qy + pz * qz
@@ -105,7 +91,7 @@ def _hit_sphere(px: float, py: float, pz: float, qx: float, qy: float, qz: float
     return t if t > 0.0 else np.inf
 
 
-@kernel
+@compiled
 def _slab(p: float, q: float) -> tuple[float, float]:
     if q == 0.0:
         return (-np.inf, np.inf) if -1.0 <= p <= 1.0 else (np.inf, -np.inf)
@@ -113,7 +99,7 @@ def _slab(p: float, q: float) -> tuple[float, float]:
     return (a, b) if a < b else (b, a)
 
 
-@kernel
+@compiled
 def _hit_box(px: float, py: float, pz: float, qx: float, qy: float, qz: float) -> float:
     x0, x1 = _slab(px, qx)
     y0, y1 = _slab(py, qy)
@@ -122,7 +108,7 @@ def _hit_box(px: float, py: float, pz: float, qx: float, qy: float, qz: float) -
     return enter if 0.0 < enter <= leave else np.inf
 
 
-@kernel
+@compiled
 def _hit_cylinder(px: float, py: float, pz: float, qx: float, qy: float, qz: float) -> float:
     enter, leave = _slab(pz, qz)
     a = qx * qx + qy * qy
@@ -140,7 +126,7 @@ def _hit_cylinder(px: float, py: float, pz: float, qx: float, qy: float, qz: flo
     return enter if 0.0 < enter <= leave else np.inf
 
 
-@kernel
+@compiled
 def _hit_cone(px: float, py: float, pz: float, qx: float, qy: float, qz: float) -> float:
     best = np.inf
     # The radius at height z is (1 - z) / 2 = w - t * s along the ray.
@@ -161,7 +147,7 @@ def _hit_cone(px: float, py: float, pz: float, qx: float, qy: float, qz: float) 
     return best
 
 
-@kernel
+@compiled
 def relief(x: float, y: float, wavelength_m: float, amplitude_m: float) -> float:
     """Return the height of an uneven plane, within +-amplitude: two crossing sines."""
     if amplitude_m == 0.0:
@@ -170,7 +156,7 @@ def relief(x: float, y: float, wavelength_m: float, amplitude_m: float) -> float
     return 0.5 * amplitude_m * (math.sin(k * x) + math.sin(1.3 * k * y + 1.0))
 
 
-@kernel
+@compiled
 def _hit_plane(
     px: float,
     py: float,
@@ -194,7 +180,7 @@ def _hit_plane(
     return t if t > 0.0 else np.inf
 
 
-@kernel
+@compiled
 def gather_candidates(
     spheres: FloatArray, origin: FloatArray, directions: FloatArray, limit: float, found: IntArray
 ) -> int:

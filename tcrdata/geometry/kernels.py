@@ -1,4 +1,8 @@
-"""Kernels: loops over arrays, compiled when one is first called and cached on disk."""
+"""Kernels: loops over arrays, compiled when one is first called and cached on disk.
+
+Numba looks for changes in a kernel's own file alone: after editing a kernel that other files call,
+delete `__pycache__/*.nbi` beside them.
+"""
 
 from __future__ import annotations
 
@@ -43,6 +47,15 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
         return cast(Function, Kernel(function, options))
 
     return decorate
+
+
+# Without the interpreter's lock; without Python's checks for division by zero loops become vector
+# instructions.
+compiled = kernel(nogil=True, error_model="numpy")
+"""For all loops but those that `reordered` may take."""
+
+reordered = kernel(nogil=True, error_model="numpy", fastmath=True)
+"""The same; sums may be taken in another order, several numbers at once. Knows no NaN."""
 
 
 @cache

@@ -25,9 +25,9 @@ from tcrdata.geometry.intersections import (
     SPHERE,
     gather_candidates,
     hit_shape,
-    kernel,
     may_hit,
 )
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import FloatArray, IntArray
 
 Shape = Literal["plane", "sphere", "box", "cylinder", "cone"]
@@ -178,7 +178,7 @@ def count_pixels(
     )
 
 
-@kernel
+@compiled
 def _cast(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -210,7 +210,7 @@ def _cast(
     return times, hits
 
 
-@kernel
+@compiled
 def _count_pixels(
     kinds: IntArray,
     unit_T_world: FloatArray,
@@ -262,7 +262,7 @@ def _count_pixels(
     return visible, whole
 
 
-@kernel
+@compiled
 def _window_candidates(
     spheres: FloatArray,
     first: int,

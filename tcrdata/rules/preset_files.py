@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
@@ -21,6 +22,7 @@ from tcrdata.rules.rule_files import (
     load_rules,
     names_in,
     read_rule,
+    written,
 )
 from tcrdata.rules.sql_files import SqlFile, read_sql_file, uses
 
@@ -50,6 +52,20 @@ def load_preset(name: str) -> Preset:
         RuleError: with file and line.
     """
     path = _path_of(name)
+    if path != _shipped(path.stem):
+        return _loaded(path)
+    return _shipped_preset(path, written("queries/presets/*.sql", "queries/rules/*.sql"))
+
+
+@lru_cache(maxsize=64)
+def _shipped_preset(path: Path, stamps: tuple[int, ...]) -> Preset:
+    """A preset that ships, read anew only when one of the files beside it has changed."""
+    del stamps
+    return _loaded(path)
+
+
+def _loaded(path: Path) -> Preset:
+    """Read a preset, its rules and the presets that it names included."""
     known: dict[str, Rule] = {}
     with Binder() as binder:
         preset = _read(path, binder, known)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tcrdata.errors import RuleError
-from tcrdata.resources import resource_folder
+from tcrdata.resources import resource_files, resource_folder
 from tcrdata.rules.binding import RULE_COLUMNS, Binder, Reads
 from tcrdata.rules.parameters import Parameter
 from tcrdata.rules.sql_files import SqlFile, fill_in, read_sql_file, uses
@@ -94,6 +95,8 @@ def load_rules(
     Raises:
         RuleError: with file and line.
     """
+    if folder is None and binder is None and named is None:
+        return dict(_shipped_rules(written("queries/rules/*.sql")))
     if binder is None:
         with Binder() as own:
             return load_rules(folder, own, named)
@@ -109,6 +112,19 @@ def load_rules(
         if earlier is not None:
             raise RuleError(f"{rule.file.path}:1: a rule {rule.name} is in {earlier.file.path} too")
     return {rule.name: rule for rule in sorted(rules, key=lambda rule: rule.name)}
+
+
+def written(*patterns: str) -> tuple[int, ...]:
+    """Return when each file of some patterns, as `resource_files` takes them, was written."""
+    return tuple(p.stat().st_mtime_ns for pattern in patterns for p in resource_files(pattern))
+
+
+@lru_cache(maxsize=2)
+def _shipped_rules(stamps: tuple[int, ...]) -> dict[str, Rule]:
+    """The rules that ship, read anew only when one of their files has changed."""
+    del stamps
+    with Binder() as binder:
+        return load_rules(None, binder)
 
 
 def _bound(paths: Sequence[Path], binder: Binder) -> list[Rule]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.tracking.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import Float32Array, FloatArray
 
 Indices = NDArray[np.int64]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tcrdata.tracking.kernels import compiled
+from tcrdata.geometry.kernels import compiled
 from tcrdata.types import BoolArray, Float32Array, FloatArray
 
 

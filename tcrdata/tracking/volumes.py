@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from tcrdata.tracking.kernels import compiled, reordered
+from tcrdata.geometry.kernels import compiled, reordered
 from tcrdata.types import Float32Array, FloatArray
 
 Weights = tuple[Any, Any, Any, Any, Any, Any, Any, Any]
