@@ -92,6 +92,26 @@ def test_every_rounds_evidence_labels_and_models_stay(reference: Path) -> None:
     assert own == [(2,)]
 
 
+def test_a_later_round_is_selected_again_with_another_bound(
+    reference: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(reference, tmp_path / "store")
+    ask = ("check", "--store", tmp_path / "store", "--preset", "tcrdata_learned")
+    again = done(*ask, "--round", 3, "--json").json
+    (known,) = (
+        open_store(str(reference))
+        .connect()
+        .sql("select selection_id, labels from selections where round = 3")
+        .fetchall()
+    )
+    assert (again["selection_id"], again["labels"]) == known
+    strict = done(*ask, "--round", 3, "--set", "min_points=10000", "--name", "strict", "--json")
+    assert (strict.json["round"], strict.json["name"]) == (3, "strict")
+    assert strict.json["selection_id"] != again["selection_id"]
+    assert strict.json["labels"] < again["labels"]
+    assert "round 3 has it: give --round 3" in refused(*ask)
+
+
 def test_status_counts_the_units_of_all_rounds(reference: Path) -> None:
     status = store_status(open_store(str(reference)))
     assert (status.failed, status.missing) == (0, 0)

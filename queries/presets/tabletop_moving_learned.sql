@@ -4,10 +4,12 @@
 -- required: source, table_shape, table_witness
 -- cues: table_clusters, table_motion, objectness3d
 -- ignore: tabletop
--- loosened: min_table_age_frames = 2, min_points = 15, min_witness = 0.2
+-- loosened: min_table_age_frames = 2, min_points = 15, min_witness = 0.1
 set variable taken_source = 'table';
 set variable taken_fit = '';
 set variable min_points = 30;
+-- A detector that knows what moved alone is half as sure of what it has not seen the like of.
+set variable min_witness = 0.2;
 -- A box on its edge is higher than one that stands.
 set variable max_height_m = 8;
 

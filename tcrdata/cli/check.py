@@ -16,6 +16,7 @@ def check(
     preset: str = "tcrdata",
     assignments: Assignments = (),
     name: str | None = None,
+    round: int = 1,
     snapshot: str | None = None,
     json: Flag = False,
 ) -> int:
@@ -26,6 +27,7 @@ def check(
         preset: name of a preset, or the path of one.
         assignments: `parameter=value` of a rule, such as max_cycle_error_m=0.1.
         name: name of the selection; the preset's when left out.
+        round: EM round whose models are heard, beside what was measured once.
         snapshot: judge the evidence of this snapshot; that of this moment when left out.
         json: print the selection as JSON.
     """
@@ -38,6 +40,7 @@ def check(
         preset,
         overrides=parse_assignments(list(assignments)),
         name=name,
+        round=round,
         snapshot=snapshot,
     )
     seconds = time.perf_counter() - started

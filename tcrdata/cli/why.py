@@ -187,7 +187,8 @@ def _next(found: Explanation, store: str, preset: str | None, *, drawn: bool) ->
     if found.changes:
         values = " ".join(f"--set {value}" for value in (*found.parameters, *found.changes))
         name = shlex.quote(preset or found.preset)
-        return f"tcrdata check {where} --preset {name} {values} --name changed"
+        heard = f" --round {found.round}" if found.round > 1 else ""
+        return f"tcrdata check {where} --preset {name}{heard} {values} --name changed"
     p = found.proposal
     if not drawn:
         return (

@@ -59,6 +59,7 @@ class Explanation:
         selection_id: of the selection that is explained.
         selection: its name.
         preset: the preset it ran.
+        round: EM round that it judged.
         parameters: `name=value` of those in which the selection differs from its preset.
         outcome: positive, ignore, rejected or left out.
         ignored_because: loosened, or the preset that accepts it; None unless it is ignore.
@@ -75,6 +76,7 @@ class Explanation:
     selection_id: str
     selection: str
     preset: str
+    round: int
     parameters: tuple[str, ...]
     outcome: str
     ignored_because: str | None
@@ -129,6 +131,7 @@ def explain(selection: Mapping[str, Any], found: Found, preset: str | None = Non
         selection["selection_id"],
         selection["name"],
         selection["preset"],
+        selection["round"],
         _differing(selection, loaded),
         own["outcome"],
         own["ignored_because"],

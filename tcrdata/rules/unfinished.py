@@ -50,12 +50,27 @@ def lacking_stages(
 def missing_evidence(
     store: Store, preset: FilledPreset, dataset: str, sequence: str, stages: list[str]
 ) -> MissingEvidenceError:
-    """The error that says which build makes what a sequence lacks."""
+    """The error that says which build makes what a sequence lacks, or which round has it."""
+    lacks = f"preset {preset.name} reads {', '.join(stages)}, which {dataset}/{sequence} lacks"
+    later = _latest_round(store, dataset, sequence, set(stages))
+    if later is not None:
+        return MissingEvidenceError(
+            f"{lacks} in this round; round {later} has it: give --round {later}"
+        )
     return MissingEvidenceError(
-        f"preset {preset.name} reads {', '.join(stages)}, which {dataset}/{sequence} lacks; "
-        f"run `tcrdata build --dataset {dataset} --root {_root(store, dataset, sequence)} "
+        f"{lacks}; run `tcrdata build --dataset {dataset} --root {_root(store, dataset, sequence)} "
         f"--store {store.url} --sequences {sequence} --preset {preset.name}`"
     )
+
+
+def _latest_round(store: Store, dataset: str, sequence: str, stages: set[str]) -> int | None:
+    """The latest round in which a sequence has some stages; None where none has them all."""
+    found: dict[int, set[str]] = defaultdict(set)
+    for record in store.records():
+        unit = record.unit
+        if (unit.dataset, unit.sequence) == (dataset, sequence) and not is_failure(record):
+            found[unit.round].add(unit.stage)
+    return max((number for number, there in found.items() if stages <= there), default=None)
 
 
 def _root(store: Store, dataset: str, sequence: str) -> str:
