@@ -8,7 +8,7 @@
 set variable taken_source = 'table';
 set variable taken_fit = '';
 set variable min_points = 30;
--- A detector that knows what moved alone is half as sure of what it has not seen the like of.
+-- A detector that was taught by what moved is less sure of what it has not seen the like of.
 set variable min_witness = 0.2;
 -- A box on its edge is higher than one that stands.
 set variable max_height_m = 8;
