@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import pytest
 from forked_commands import forked_commands
 from kitti_tree import write_raw
 
+from tcrdata.cli.app import app
 from tcrdata.rules import load_rules, preset_names
 from tcrdata.store import schemas
 
@@ -43,6 +45,17 @@ def test_every_command_runs(readme: str, tmp_path: Path) -> None:
     assert "nothing to do" in result.stderr
     assert list((tmp_path / "labels" / "label_02").glob("*.txt"))
     assert len(list((tmp_path / "pictures").glob("*.png"))) >= 2
+
+
+def test_the_longer_commands_are_understood(readme: str) -> None:
+    """Trainings and what needs Blender: other tests run them on less."""
+    lines = [line for block in blocks(readme, "sh") for line in block.splitlines()]
+    commands = [shlex.split(line, comments=True)[1:] for line in lines if line[:8] == "tcrdata "]
+    assert len(commands) > 10
+    for tokens in commands:
+        command, bound, _ = app.parse_args(tokens)
+        assert callable(command), tokens
+        assert bound.arguments, tokens
 
 
 @pytest.mark.parametrize("target", ["setup", "demo", "test"])
