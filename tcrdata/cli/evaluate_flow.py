@@ -87,7 +87,7 @@ def _scored(
 
 
 def _rows(scored: list[ScoredFlow], *, each: bool) -> list[tuple[Any, ...]]:
-    """A row for each group and estimator, and for zeros, below rows of its pairs where few."""
+    """A row for each group and estimator, below its pairs; then what zeros score."""
     from tcrdata.evaluation.flow import total_score
 
     rows: list[tuple[Any, ...]] = []

@@ -90,7 +90,7 @@ def select(
     lacking, filled = lacking_stages(store, records, filled, round)
     unfinished = [(*key, stages) for key, stages in lacking.items() if stages]
     if unfinished and not leave_out_unfinished:
-        raise missing_evidence(store, filled, *unfinished[0])
+        raise missing_evidence(store, records, filled, *unfinished[0])
     if filled.follows and followed is None:
         followed = newest_tracked(store, filled.follows, round)
     whom = followed if filled.follows else None

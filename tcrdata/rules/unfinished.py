@@ -48,11 +48,16 @@ def lacking_stages(
 
 
 def missing_evidence(
-    store: Store, preset: FilledPreset, dataset: str, sequence: str, stages: list[str]
+    store: Store,
+    records: Sequence[CommitRecord],
+    preset: FilledPreset,
+    dataset: str,
+    sequence: str,
+    stages: list[str],
 ) -> MissingEvidenceError:
     """The error that says which build makes what a sequence lacks, or which round has it."""
     lacks = f"preset {preset.name} reads {', '.join(stages)}, which {dataset}/{sequence} lacks"
-    later = _latest_round(store, dataset, sequence, set(stages))
+    later = _latest_round(records, dataset, sequence, set(stages))
     if later is not None:
         return MissingEvidenceError(
             f"{lacks} in this round; round {later} has it: give --round {later}"
@@ -63,10 +68,12 @@ def missing_evidence(
     )
 
 
-def _latest_round(store: Store, dataset: str, sequence: str, stages: set[str]) -> int | None:
+def _latest_round(
+    records: Sequence[CommitRecord], dataset: str, sequence: str, stages: set[str]
+) -> int | None:
     """The latest round in which a sequence has some stages; None where none has them all."""
     found: dict[int, set[str]] = defaultdict(set)
-    for record in store.records():
+    for record in records:
         unit = record.unit
         if (unit.dataset, unit.sequence) == (dataset, sequence) and not is_failure(record):
             found[unit.round].add(unit.stage)
