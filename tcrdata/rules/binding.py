@@ -51,6 +51,7 @@ class Reads:
         row_by_row: by its form the select gives one row for each row of `proposals`.
         starts_with_id: by its form each row starts with the id of the row of `proposals` that it is
             of, whose other columns it could have in the id's place.
+        hands_on_rows: the same of the rows that it gives, though not all may have one.
         each_alone: besides, no row that the select gives depends on two rows of `proposals`.
     """
 
@@ -60,6 +61,7 @@ class Reads:
     passes_id: bool
     row_by_row: bool
     starts_with_id: bool
+    hands_on_rows: bool
     each_alone: bool
 
 
@@ -180,7 +182,7 @@ def _reads(tree: SyntaxTree) -> Reads:
     named = tuple(name for name in known if name in read)
     return Reads(
         tables, columns, named, tree.passes_id, tree.row_by_row, tree.starts_with_id,
-        tree.each_alone and set(tree.tables) <= set(EVIDENCE_TABLES),
+        tree.hands_on_rows, tree.each_alone and set(tree.tables) <= set(EVIDENCE_TABLES),
     )  # fmt: skip
 
 

@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import duckdb
 
 from tcrdata.errors import RuleError
 from tcrdata.resources import resource_folder
-from tcrdata.rules.panel import Seat
 from tcrdata.rules.presets import FilledPreset
-from tcrdata.rules.scopes import Relations, handing_on, quoted, run_sql, scoped
-from tcrdata.store import schemas
+from tcrdata.rules.scopes import Relations, handing_on, run_sql, scoped
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-_BOX = ("x_m", "z_m", "length_m", "width_m", "yaw_rad")
+_PLACE = ("dataset", "sequence", "frame", "x_m", "z_m", "length_m", "width_m", "yaw_rad")
 """What tells whether boxes share a place."""
 
 
@@ -52,7 +46,7 @@ def _given(preset: FilledPreset, places: Sequence[int], relations: Relations) ->
     own = f"(from survivors where alive & {mask} <> 0)"
     scope = {**relations, "proposals": own}
     numbered = None
-    if preset.reads.each_alone:
+    if preset.reads.hands_on_rows:
         numbered = handing_on(preset.select, "{p}.number, {p}.carried, {p}.alive")
     if numbered:
         given = scoped(numbered, preset.reads.tables, scope)
@@ -113,89 +107,24 @@ def _check_chosen(connection: duckdb.DuckDBPyConnection, place: int, what: str) 
             raise RuleError(f"{what} {message}: {proposal}")
 
 
-def labels_of(
-    connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset], panel: Sequence[Seat]
-) -> pa.Table:
-    """The accepted proposals and those left undecided, with all columns of `labels`."""
-    _decide(connection, presets)
-    return connection.sql(
-        f"with carriers as (select carried, place, {_carried_by(presets, panel)} as carried_by "
-        "from (select distinct carried, place from decided)) "
-        f"select {_label_columns(presets)} from decided d join kept p on p.rowid = d.number "
-        "join carriers c on c.carried = d.carried and c.place = d.place "
-        "order by p.dataset, p.sequence, p.frame, p.proposal_id"
-    ).to_arrow_table()
+def decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset]) -> None:
+    """Let `decided` show state and score of what becomes a label, and for which preset.
 
-
-def _decide(connection: duckdb.DuckDBPyConnection, presets: Sequence[FilledPreset]) -> None:
-    """Let `decided` show state and score of what becomes a label, and for which preset."""
+    Reads `chosen` and `kept`.
+    """
     if len(presets) == 1:
         connection.execute("create temp view decided as from chosen")
         return
     # A survivor's number stands for its id: whole numbers are compared sooner than texts.
-    where = ", ".join(f"k.{name}" for name in ("dataset", "sequence", "frame", *_BOX))
-    connection.execute(
-        f"create temp table candidates as select c.number as proposal_id, c.*, {where} "
-        "from chosen c join kept k on k.rowid = c.number"
-    )
+    relations = {
+        "accepted": "(select number as proposal_id, * from chosen where place = 0)",
+        "acceptable": "(select number as proposal_id, * from chosen where place > 0)",
+        "proposals": f"(select rowid as proposal_id, {', '.join(_PLACE)} from kept)",
+    }
     path = resource_folder("queries") / "states" / "ignore.sql"
-    undecided = scoped(
-        path.read_text(encoding="utf-8"),
-        ("accepted", "acceptable"),
-        {
-            "accepted": "(select * from candidates where place = 0)",
-            "acceptable": "(select * from candidates where place > 0)",
-        },
-    )
+    undecided = scoped(path.read_text(encoding="utf-8"), tuple(relations), relations)
     connection.execute(
         "create temp table decided as "
-        "select number, state, score, carried, place from candidates where place = 0 union all "
+        "select number, state, score, carried, place from chosen where place = 0 union all "
         f"select number, 'ignore', score, carried, place from ({undecided})"
     )
-
-
-def labels_in(connection: duckdb.DuckDBPyConnection) -> tuple[int, int]:
-    """How many of the labels that `labels_of` gave are positive, and how many undecided."""
-    ((positive, undecided),) = connection.execute(
-        "select count(*) filter (state = 'positive'), count(*) filter (state = 'ignore') "
-        "from decided"
-    ).fetchall()
-    return positive, undecided
-
-
-def _carried_by(presets: Sequence[FilledPreset], panel: Sequence[Seat]) -> str:
-    """SQL of the names of the rules that passed a proposal for the preset of its `place`."""
-    numbers = {seat.rule.select: seat.number for seat in panel}
-    lists = ""
-    for place, preset in enumerate(presets):
-        names = ", ".join(
-            f"case when carried & {1 << numbers[rule.select]} <> 0 then {quoted(rule.name)} end"
-            for rule in preset.rules
-        )
-        lists += f" when {place} then [{names}]"
-    return f"list_filter(case place{lists} end, lambda name: name is not null)"
-
-
-def _label_columns(presets: Sequence[FilledPreset]) -> str:
-    """SQL of a label's columns from proposals p, what was decided d, and carriers c."""
-    others = "".join(
-        f" when {place} then {quoted(p.name)}" for place, p in enumerate(presets) if place
-    )
-    made = {
-        "state": "d.state",
-        "score": "d.score",
-        "ignored_because": f"case d.place when 0 then null{others} end",
-        "carried_by": "c.carried_by",
-    }
-    return ", ".join(
-        f"{made.get(name, f'p.{name}')} as {name}" for name in no_labels().column_names
-    )
-
-
-def no_labels() -> pa.Table:
-    """An empty table with the columns of `labels` but selection_id."""
-    import pyarrow as pa
-
-    schema = schemas.arrow_schema("labels")
-    chosen = pa.schema([field for field in schema if field.name != "selection_id"])
-    return pa.Table.from_batches([], schema=chosen)  # empty_table() would import pandas

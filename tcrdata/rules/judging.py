@@ -2,29 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from collections.abc import Collection, Iterator, Sequence
 
 import duckdb
 
-from tcrdata.errors import RuleError
-from tcrdata.rules.choosing import choose, labels_in, labels_of, no_labels
+from tcrdata.rules.choosing import choose, decide
+from tcrdata.rules.frame_verdicts import check_rows, named, with_frame_verdicts
+from tcrdata.rules.label_parts import LabelPart, label_columns, label_parts
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.scopes import (
     Relations,
     count,
     handing_on,
-    judged_frames,
     quoted,
     run_sql,
     scoped,
 )
 from tcrdata.store import schemas
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 _BITS = 62  # verdicts that fit into a bigint
 ALIVE = "(from survivors where alive <> 0)"
@@ -33,25 +28,12 @@ ALIVE = "(from survivors where alive <> 0)"
 _ID = "proposal_id"
 
 
-@dataclass(frozen=True)
-class Judged:
-    """What some proposals became.
-
-    Attributes:
-        labels: the columns of `labels` but selection_id; by dataset, sequence, frame and id.
-        positive: how many of them are positive.
-        undecided: how many of them are left undecided.
-    """
-
-    labels: pa.Table
-    positive: int = 0
-    undecided: int = 0
-
-
 def judge(
     connection: duckdb.DuckDBPyConnection, preset: FilledPreset, relations: Relations, rows: int
-) -> Judged:
+) -> Iterator[LabelPart]:
     """Judge every proposal of some whole sequences with a preset and its alternatives.
+
+    Yields the labels, in order.
 
     Args:
         connection: a session of its own: temporary tables are left in it.
@@ -70,8 +52,8 @@ def judge(
     opening = [seat for seat in first if seat.streams and seat.rule.reads.passes_id]
     if opening:
         passing = _let_through(presets, panel, opening, relations)
-        relations = _of_sources(connection, passing, _named(opening), relations)
-    shown = set(no_labels().column_names)
+        relations = _of_sources(connection, passing, named(opening), relations)
+    shown = set(label_columns())
     before = _everybody(presets, panel, _columns(presets, panel) | shown, relations)
     listed = runs(panel)
     left = rows
@@ -82,15 +64,10 @@ def judge(
                 columns |= shown
             left = _keep_survivors(connection, run, place, columns, before, left, relations)
             before = ALIVE
-    if not left:
-        return Judged(no_labels())
-    choose(connection, presets, relations)
-    return Judged(labels_of(connection, presets, panel), *labels_in(connection))
-
-
-def _named(rules: Sequence[Seat]) -> str:
-    """What errors call some rules that are run together."""
-    return "rule " + " or ".join(seat.rule.name for seat in rules)
+    if left:
+        choose(connection, presets, relations)
+        decide(connection, presets)
+        yield from label_parts(connection, presets, panel)
 
 
 def _everybody(
@@ -171,18 +148,19 @@ def _keep_survivors(
     its row there. Later ones copy only the columns given, which some later rule reads.
     A rule that joins gives a row each: its rows are counted before the dead are passed over.
     """
-    what = _named(run)
-    streams = run[0].streams
-    after = _streamed(run, before, relations) if streams else _joined(run[0], before, relations)
+    checked = run[0].streams or run[0].of_frames
+    if run[0].streams:
+        after = _streamed(run, before, relations)
+    elif run[0].of_frames:
+        after = _tallied(run, with_frame_verdicts(connection, run, place, before, relations))
+    else:
+        after = _joined(run[0], before, relations)
     table, number = (f"kept_{place}", ", number") if place else ("kept", "")
     remaining = f"select {_listed(columns)}, carried, alive{number} from {after}"
-    remaining += " where alive <> 0" if streams else ""
-    run_sql(connection, f"create temp table {table} as {remaining}", what)
-    if not streams and (rows := count(connection, table)) != rows_before:
-        raise RuleError(
-            f"{what} gives {rows} rows for {rows_before} proposals; it must give one row each: "
-            "use a left join on keys that match one row"
-        )
+    remaining += " where alive <> 0" if checked else ""
+    run_sql(connection, f"create temp table {table} as {remaining}", named(run))
+    if not checked:
+        check_rows(run[0], count(connection, table), rows_before)
     numbered = "*" if place else "*, rowid as number"
     connection.execute(f"create or replace temp view survivors as select {numbered} from {table}")
     return count(connection, ALIVE)
@@ -205,6 +183,11 @@ def _row_by_row(run: Sequence[Seat], before: str, relations: Relations) -> str:
     rows = before
     for seat in run:
         rows = _with_verdict(seat, rows, relations)
+    return _tallied(run, rows)
+
+
+def _tallied(run: Sequence[Seat], rows: str) -> str:
+    """SQL of the rows after some rules, of rows that have their verdicts in `passed_<number>`."""
     passed = [f"case when passed_{seat.number} then {1 << seat.number} else 0 end" for seat in run]
     failed = [seat.failed(f"passed_{seat.number}") for seat in run]
     return (
@@ -235,11 +218,6 @@ def _joined(seat: Seat, before: str, relations: Relations) -> str:
     A number that is lost or doubled shows in the count of rows, as whole rows would.
     """
     rule = seat.rule
-    of_frames = judged_frames(rule.select, rule.reads, {**relations, "proposals": before})
-    if of_frames:
-        verdicts, keys = of_frames
-        joined = f"(select s.*, v.passed from {before} s join ({verdicts}\n) v using ({keys}))"
-        return _after(seat, joined, "passed")
     if seat.hands_on:
         return _after(seat, _with_verdict(seat, before, relations), f"passed_{seat.number}")
     numbered = before == ALIVE and rule.reads.passes_id

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from tcrdata.rules.presets import FilledPreset, FilledRule
-from tcrdata.rules.scopes import handing_on
+from tcrdata.rules.scopes import frame_keys, handing_on
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,11 @@ class Seat:
         """Whether its text can be made to give a proposal's whole row in the place of the id."""
         rule = self.rule
         return rule.reads.starts_with_id and handing_on(rule.select, "") is not None
+
+    @property
+    def of_frames(self) -> bool:
+        """Whether it looks at nothing but a proposal's frame, and joins."""
+        return bool(frame_keys(self.rule.select, self.rule.reads))
 
     @property
     def joins(self) -> bool:
@@ -79,10 +84,14 @@ def seats(presets: Sequence[FilledPreset]) -> list[Seat]:
 
 
 def runs(panel: Sequence[Seat]) -> list[list[Seat]]:
-    """Rules in order; neighbours that go row by row are run in one statement."""
+    """Rules in order; neighbours that go row by row, or judge frames, are run in one statement."""
     found: list[list[Seat]] = []
     for seat in panel:
-        if found and seat.streams and found[-1][-1].streams:
+        before = found[-1][-1] if found else None
+        alike = before is not None and (
+            (before.streams and seat.streams) or (before.of_frames and seat.of_frames)
+        )
+        if alike:
             found[-1].append(seat)
         else:
             found.append([seat])

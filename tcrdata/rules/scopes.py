@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 _HANDS_ON = re.compile(r"select\s+(\w+)\.proposal_id\s*,", re.IGNORECASE)
 _PLAIN = re.compile(r"(select\b.*\bfrom)\s+proposals\s+(?:as\s+)?(\w+)", re.IGNORECASE | re.DOTALL)
 
-_OF_A_FRAME = {"dataset", "sequence", "frame", "round", "metric_scale"}
+FRAME_COLUMNS = ("dataset", "sequence", "frame", "round", "metric_scale")
+"""Columns of `proposals` that are the same in all rows of a frame."""
 
 Relations = Mapping[str, str]
 """Evidence table to the SQL that stands for it behind `from`."""
@@ -66,18 +67,24 @@ def _id_span(select: str) -> tuple[int, int, str] | None:
     return (*found.span(), found[1]) if found else None
 
 
+def frame_keys(select: str, reads: Reads) -> list[str]:
+    """The columns of the frame that a rule that joins names; empty where it names others, too."""
+    keys = [name for name in reads.named if name != "proposal_id"]
+    looks = reads.passes_id and not reads.row_by_row and set(keys) <= set(FRAME_COLUMNS)
+    return keys if looks and handing_on(select, "") is not None else []
+
+
 def judged_frames(select: str, reads: Reads, relations: Relations) -> tuple[str, str] | None:
     """What a rule that names columns of the frame alone says, a row a frame, and these columns.
 
     A frame's proposals are alike to it, and joins in it see a row a frame. None for other rules.
     """
-    keys = [name for name in reads.named if name != "proposal_id"]
-    if not keys or not reads.passes_id or reads.row_by_row or not set(keys) <= _OF_A_FRAME:
+    keys = frame_keys(select, reads)
+    whole = handing_on(select, ", ".join(f"{{p}}.{key}" for key in keys)) if keys else None
+    if not whole:
         return None
-    whole = handing_on(select, ", ".join(f"{{p}}.{key}" for key in keys))
     alike = f"(select distinct {', '.join(keys)} from {relations['proposals']})"
-    verdicts = scoped(whole, reads.tables, {**relations, "proposals": alike}) if whole else ""
-    return (verdicts, ", ".join(keys)) if whole else None
+    return scoped(whole, reads.tables, {**relations, "proposals": alike}), ", ".join(keys)
 
 
 def quoted(text: str) -> str:

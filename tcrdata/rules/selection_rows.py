@@ -13,7 +13,8 @@ from typing import Any, TypeVar
 import duckdb
 
 from tcrdata.rules.binding import EVIDENCE_TABLES
-from tcrdata.rules.judging import Judged, judge
+from tcrdata.rules.judging import judge
+from tcrdata.rules.label_parts import LabelPart
 from tcrdata.rules.presets import FilledPreset
 from tcrdata.rules.rounds import of_round
 from tcrdata.store import FileEntry, Store, Unit
@@ -68,47 +69,53 @@ def selection_rows(store: Store, run: Run) -> Iterator[tuple[str, Mapping[str, A
         if read_bundles(opened):
             rows, at_once = BUNDLED_ROWS, 1
         batches = enumerate(_batches(run.files, rows))
-        work = partial(_judge, connection, opened, run)
-        for judged in _in_turn(work, batches, at_once):
-            positive += judged.positive
-            undecided += judged.undecided
-            columns = {name: judged.labels[name] for name in judged.labels.column_names}
-            own = repeated(run.unit.sequence, judged.labels.num_rows)
+        judged = partial(_judged, connection, opened, run)
+        for part in _in_turn(judged, batches, at_once):
+            positive += part.positive
+            undecided += part.undecided
+            columns = {name: part.labels[name] for name in part.labels.column_names}
+            own = repeated(run.unit.sequence, part.labels.num_rows)
             yield "labels", {"selection_id": own, **columns}
         yield "labels", {}
         yield "selections", _own_row(run, positive, undecided)
 
 
-def _judge(
+def _judged(
     connection: duckdb.DuckDBPyConnection,
     opened: Filesystem,
     run: Run,
     batch: tuple[int, Mapping[str, Sequence[FileEntry]]],
-) -> Judged:
-    """Judge the proposals of a batch, which has a number and files, in a session of its own."""
+) -> Iterator[LabelPart]:
+    """Labels of a batch, which has a number and files, judged in a session of its own."""
     number, files = batch
     schema = f"batch_{number}"
     with connection.cursor() as session:
         create_views(session, opened, files, {}, schema)
         relations = {t: of_round(f"{schema}.{t}", run.unit.round) for t in EVIDENCE_TABLES}
         rows = sum(entry.rows for entry in files["proposals"])
-        judged = judge(session, run.preset, relations, rows)
+        yield from judge(session, run.preset, relations, rows)
         session.execute(f"drop schema {schema} cascade")
-    return judged
 
 
 def _in_turn(
-    work: Callable[[_Item], _Result], items: Iterable[_Item], at_once: int
+    work: Callable[[_Item], Iterator[_Result]], items: Iterable[_Item], at_once: int
 ) -> Iterator[_Result]:
-    """Results in order; so many items are at work at once, and no more ahead of their taker."""
+    """Results of items in order; so many are at work at once, and no more ahead of their taker.
+
+    Where that is one, each result is handed on before the next one is made.
+    """
+    if at_once == 1:
+        for item in items:
+            yield from work(item)
+        return
     with ThreadPoolExecutor(at_once) as pool:
-        ahead: deque[Future[_Result]] = deque()
+        ahead: deque[Future[list[_Result]]] = deque()
         for item in items:
             if len(ahead) == at_once:
-                yield ahead.popleft().result()
-            ahead.append(pool.submit(work, item))
+                yield from ahead.popleft().result()
+            ahead.append(pool.submit(lambda its: list(work(its)), item))
         while ahead:
-            yield ahead.popleft().result()
+            yield from ahead.popleft().result()
 
 
 def decided_by(preset: FilledPreset) -> dict[str, Any]:

@@ -13,6 +13,10 @@ _CLAUSES = ("group_expressions", "having", "qualify", "sample", "modifiers")
 """Parts of a select, but `where`, after which rows are not those that it joined."""
 
 
+_KEEPING_LEFT = ("LEFT", "INNER", "ANTI", "SEMI")
+"""Kinds of joins that make no row which has nothing of the left side."""
+
+
 class SyntaxTree:
     """What occurs in the syntax tree of one select."""
 
@@ -70,6 +74,19 @@ class SyntaxTree:
         return once and self._first == [leaf.get("alias") or "proposals", "proposal_id"]
 
     @property
+    def hands_on_rows(self) -> bool:
+        """Whether it plainly selects `p.proposal_id, ...` from `proposals p` and any such joins.
+
+        As `starts_with_id`, but joins may drop rows, and `proposals` may be read again.
+        """
+        leaf = self._leaf
+        joined = self._joined
+        if joined is None or any(join["join_type"] not in _KEEPING_LEFT for join in joined):
+            return False
+        own = leaf.get("table_name") == "proposals" and "proposals" not in self._expressions
+        return own and self._first == [leaf.get("alias") or "proposals", "proposal_id"]
+
+    @property
     def each_alone(self) -> bool:
         """Whether it starts with the id, and no row that it gives depends on two of `proposals`."""
         if self.functions or self.classes & {"SUBQUERY", "WINDOW", "STAR"}:
@@ -105,9 +122,16 @@ class SyntaxTree:
             leaf = leaf["left"]
         return leaf
 
-    @cached_property
+    @property
     def _left_joined(self) -> list[dict[str, Any]] | None:
-        """The left joins of a plain select from a table; None for any other."""
+        """The joins of a plain select from a table, all of them left; None for any other."""
+        joins = self._joined
+        left = joins is not None and all(join["join_type"] == "LEFT" for join in joins)
+        return joins if left else None
+
+    @cached_property
+    def _joined(self) -> list[dict[str, Any]] | None:
+        """The joins of a plain select from a table; None for any other."""
         grouped = self._node.get("aggregate_handling", "STANDARD_HANDLING") != "STANDARD_HANDLING"
         leaf = self._leaf
         if grouped or any(self._node.get(clause) for clause in _CLAUSES):
@@ -119,7 +143,7 @@ class SyntaxTree:
         while join is not leaf:
             joins.append(join)
             join = join["left"]
-        return joins if all(join["join_type"] == "LEFT" for join in joins) else None
+        return joins
 
     def _matches_once(self, join: dict[str, Any]) -> bool:
         """Whether it joins a grouped common table expression by all that it is grouped by."""

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from tcrdata.types import FloatArray
+from tcrdata.types import FloatArray, IntArray
 
 _NOTHING = type(None)
 
@@ -27,6 +27,24 @@ def repeated(value: str | int, count: int) -> pa.Array:
     data = value.encode()
     offsets = np.arange(count + 1, dtype=np.int32) * len(data)
     return pa.StringArray.from_buffers(count, pa.py_buffer(offsets), pa.py_buffer(data * count))
+
+
+def text_lists(lists: Sequence[Sequence[str]], which: IntArray) -> pa.Array:
+    """Return lists of texts, of which there are few: one of `lists` a number of `which`.
+
+    Raises:
+        OverflowError: all values together are too many for one array.
+    """
+    numbers = which.tolist()
+    texts = [[text.encode() for text in its] for its in lists]
+    lengths = [np.array([len(text) for text in its], np.int64).tobytes() for its in texts]
+    inner = np.frombuffer(b"".join(map(lengths.__getitem__, numbers)), np.int64)
+    data = b"".join(map([b"".join(its) for its in texts].__getitem__, numbers))
+    counts = np.array([len(its) for its in lists], np.int64)[which]
+    values = pa.StringArray.from_buffers(len(inner), pa.py_buffer(_ends(inner)), pa.py_buffer(data))
+    return pa.Array.from_buffers(
+        pa.list_(pa.string()), len(which), [None, pa.py_buffer(_ends(counts))], children=[values]
+    )
 
 
 def array_of(kind: pa.DataType, values: Any) -> pa.Array | None:
@@ -151,8 +169,13 @@ def _there(values: Sequence[Any]) -> NDArray[np.bool_]:
 
 def _offsets(values: Collection[Any]) -> NDArray[np.int32]:
     """Return where each value begins and the last one ends."""
-    offsets = np.zeros(len(values) + 1, np.int64)
-    np.cumsum(np.fromiter(map(len, values), np.int64, len(values)), out=offsets[1:])
+    return _ends(np.fromiter(map(len, values), np.int64, len(values)))
+
+
+def _ends(lengths: IntArray) -> NDArray[np.int32]:
+    """Return where each of some values begins and the last one ends, of so many bytes or values."""
+    offsets = np.zeros(len(lengths) + 1, np.int64)
+    np.cumsum(lengths, out=offsets[1:])
     if offsets[-1] > np.iinfo(np.int32).max:
         raise OverflowError(f"{offsets[-1]} bytes or values are too many for one batch")
     return offsets.astype(np.int32)
