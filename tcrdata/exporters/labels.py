@@ -16,11 +16,9 @@ import pyarrow as pa
 from tcrdata.errors import MissingEvidenceError, TcrdataError
 from tcrdata.exporters.refusals import check_dataset, check_validation, no_labels
 from tcrdata.exporters.tracklets import tracklets_as_labels
-from tcrdata.exporters.where import keep, lock
+from tcrdata.exporters.where import keep, lock, readable_tables
 from tcrdata.reports import run_report
 from tcrdata.store import Store
-from tcrdata.store.filesystem import Filesystem
-from tcrdata.store.schemas import is_view, table_names
 from tcrdata.store.table_arrays import by_sequence, columns, rows_at, truths, whole_numbers
 from tcrdata.types import BOX_COLUMNS, BoolArray, FloatArray, IntArray
 
@@ -224,7 +222,7 @@ def chosen_labels(
         SettingsError: no such dataset, or a validation split of other sequences or without splits.
         MissingEvidenceError: there is no such selection, or nothing to export; says why.
     """
-    tables = _READ if options.where is None else [t for t in table_names() if not is_view(t)]
+    tables = _READ if options.where is None else readable_tables()
     connection = store.connect(tables=[*tables, "tracklets"] if options.tracklets else tables)
     try:
         if options.tracklets:
@@ -233,8 +231,7 @@ def chosen_labels(
         store.add_snapshot(connection, judged["snapshot"], _JUDGED)
         connection.execute(f"set search_path = '{_JUDGED},main'")
         if options.where is not None:
-            files = Filesystem(store.url)
-            lock(connection, files.full_path("") if files.is_local else None)
+            lock(connection, store.url)
             keep(connection, selection_id, options.where)
             connection.execute(f"set search_path = 'chosen,{_JUDGED},main'")
         names = connection.sql("select distinct dataset from sequences order by all").fetchall()

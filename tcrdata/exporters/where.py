@@ -8,8 +8,12 @@ from typing import Any
 import duckdb
 
 from tcrdata.errors import QueryError
+from tcrdata.store.bundles import COMPACTED
+from tcrdata.store.filesystem import Filesystem
+from tcrdata.store.schemas import is_view, table_names
 from tcrdata.store.views import no_glob
 
+_TRUTH = ("ground_truth", "truth_tracklets", "metrics")
 _PLACES = ("query_location", "query_location_length")
 
 
@@ -55,11 +59,19 @@ def keep(connection: duckdb.DuckDBPyConnection, selection_id: str, condition: st
         )
 
 
-def lock(connection: duckdb.DuckDBPyConnection, folder: str | None) -> None:
-    """Let a connection read one folder's files and nothing else, for good."""
+def readable_tables() -> list[str]:
+    """Tables that a condition may read: all but what evaluation alone reads, and views."""
+    return [name for name in table_names() if not is_view(name) and name not in _TRUTH]
+
+
+def lock(connection: duckdb.DuckDBPyConnection, url: str) -> None:
+    """Let a connection read the files of a store's readable tables and nothing else, for good."""
+    files = Filesystem(url)
+    above = ("data", COMPACTED) if files.is_local else ()
+    folders = [files.full_path(f"{a}/{table}/") for a in above for table in readable_tables()]
     # DuckDB asks for the name it was given, and again for the file that it found.
-    folders = [] if folder is None else sorted({folder, no_glob(folder)})
-    connection.execute("set allowed_directories = $folders", {"folders": folders})
+    allowed = sorted({*folders, *map(no_glob, folders)})
+    connection.execute("set allowed_directories = $folders", {"folders": allowed})
     connection.execute("set enable_external_access = false")
     connection.execute("set lock_configuration = true")
 

@@ -75,6 +75,8 @@ def test_a_condition_filters(store: Store, condition: str, expected: list[str]) 
         ("count(*) > 3", "cannot contain aggregates"),
         ("cast(source as integer) > 3", "Could not convert string 'track'"),
         ("frame in (select frame from checks)", "checks does not exist"),
+        ("frame in (select frame from ground_truth)", "ground_truth does not exist"),
+        ("frame in (select frame from truth_tracklets)", "truth_tracklets does not exist"),
         ("exists(from '/etc/passwd')", "does not exist"),
         ("exists(from read_text('/etc/passwd'))", "Cannot access file"),
         ("exists(from read_csv('/etc/passwd'))", "Cannot access file"),
@@ -97,6 +99,21 @@ def test_a_condition_that_nothing_fulfils(store: Store) -> None:
         MissingEvidenceError, match=r"--where 'score > 2' keeps no positive.*funnel"
     ):
         kept(store, "score > 2")
+
+
+def test_no_condition_reads_a_file_of_the_truth(tmp_path: Path) -> None:
+    frames, labels = [frame_row("0000", 0)], [label_row("0000", 0, "p", 0.5, **box(0, 10))]
+    real = open_store(str(tmp_path / "store"), create=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(label_worlds, "open_store", lambda _, create: real)
+        store = make_store("x", sequences=[sequence_row("0000")], frames=frames, labels=labels)
+    (own,) = (tmp_path / "store/data/labels").rglob("*.parquet")
+    assert kept(store, f"exists(from read_parquet('{own}'))") == ["p"]
+    truth = own.parents[3] / "ground_truth" / own.name
+    truth.parent.mkdir()
+    truth.write_bytes(own.read_bytes())
+    with pytest.raises(QueryError, match="Cannot access file"):
+        kept(store, f"exists(from read_parquet('{truth}'))")
 
 
 def test_no_condition_touches_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
