@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 
 from tcrdata import console
@@ -48,5 +49,6 @@ def check(
         console.print_json(printing.selection_json(selection))
     else:
         printing.print_selection(selection)
-        console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {store}")
+        where = shlex.quote(store)
+        console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {where}")
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from typing import TYPE_CHECKING, Any
 
@@ -33,18 +34,19 @@ def diff(a: str, b: str, /, *, store: StoreUrl, json: Flag = False) -> int:
     from tcrdata.store import open_store
 
     opened = open_store(store)
-    found = find(opened, _selection(opened, a), _selection(opened, b))
+    one, other = _selection(opened, a), _selection(opened, b)
+    found = find(opened, one, other)
     if json:
         console.print_json(found.to_json())
-        return 0
-    _print_rules(found)
-    _print_changes(found)
-    _print_sequences(found)
-    examples = [example for row in found.causes for example in row["examples"][:1]]
-    if examples:
-        console.say(f"next: tcrdata why {examples[0]} --store {store} --selection {b}")
     else:
-        console.say(f"next: tcrdata evaluate --store {store} --selection {b}")
+        _print_rules(found)
+        _print_changes(found)
+        _print_sequences(found)
+    called = b if opened.newest_selection(b) == other else other  # the number of a round is no name
+    where = f"--store {shlex.quote(store)} --selection {shlex.quote(called)}"
+    examples = [example for row in found.causes for example in row["examples"][:1]]
+    command = f"why {examples[0]}" if examples else "evaluate"
+    console.say(f"next: tcrdata {command} {where}")
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 import sys
 from typing import Annotated, Literal
 
@@ -79,5 +80,5 @@ def export(
         console.print_json(dataclasses.asdict(card))
     else:
         sys.stdout.write(card.text() + "\n")
-    console.say(f"next: tcrdata funnel --store {store} --selection {chosen}")
+    console.say(f"next: tcrdata funnel --store {shlex.quote(store)} --selection {chosen}")
     return 0

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
 from tcrdata.cli.selected import selected
+from tcrdata.resources import resource_files
 
 if TYPE_CHECKING:
     from tcrdata.inspection.funnel import Funnel
@@ -37,9 +38,9 @@ def funnel(*, store: StoreUrl, selection: str | None = None, json: Flag = False)
     found = find(opened, selected(opened, selection))
     if json:
         console.print_json(found.to_json())
-        return 0
-    _print_rules(found)
-    _print_agreement(found)
+    else:
+        _print_rules(found)
+        _print_agreement(found)
     console.say(_advice(found))
     return 0
 
@@ -47,6 +48,8 @@ def funnel(*, store: StoreUrl, selection: str | None = None, json: Flag = False)
 def _advice(found: Funnel) -> str:
     """The rule that alone keeps out the most, and how to see what it can be set to."""
     preset = found.selection["preset"]
+    if preset not in {path.stem for path in resource_files("queries/presets/*.sql")}:
+        preset = f"FOLDER/{preset}.sql"  # of whoever made it
     most = max(found.rules, key=lambda row: int(row["alone"]), default=None)
     if not most or not most["alone"]:
         return f"next: tcrdata rules --preset {preset}"

@@ -38,8 +38,8 @@ def report(
     written = write_report(opened, chosen, out, listed(sequence))
     if json:
         console.print_json(dataclasses.asdict(written))
-        return 0
-    sys.stdout.write(f"{written.path}\n")
+    else:
+        sys.stdout.write(f"{written.path}\n")
     console.say(
         f"{written.bytes / 1e6:.1f} MB, {written.examples} examples, {written.pictures} with a "
         "camera image; open the page in a browser: each picture's id is one for `tcrdata why`"

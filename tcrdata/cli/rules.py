@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import dataclasses
+import shlex
 import sys
+from typing import TYPE_CHECKING
 
 from tcrdata import console
 from tcrdata.cli.app import Flag
+
+if TYPE_CHECKING:
+    from tcrdata.inspection.rule_catalogue import Catalogue
 
 
 def rules(*, preset: str | None = None, json: Flag = False) -> int:
@@ -22,7 +27,15 @@ def rules(*, preset: str | None = None, json: Flag = False) -> int:
     found = catalogue(preset)
     if json:
         console.print_json(dataclasses.asdict(found))
-        return 0
+    else:
+        _print(found)
+    known = f" --preset {shlex.quote(preset)}" if preset else ""
+    console.say(f"next: tcrdata check --store STORE{known} --set PARAMETER=VALUE --name NAME")
+    return 0
+
+
+def _print(found: Catalogue) -> None:
+    """The rules, then what they can be set to."""
     if found.preset:
         sys.stdout.write(f"{found.preset}: {found.takes}\n")
     console.print_table(
@@ -47,6 +60,3 @@ def rules(*, preset: str | None = None, json: Flag = False) -> int:
             for p in parameters
         ],
     )
-    known = f" --preset {preset}" if preset else ""
-    console.say(f"next: tcrdata check --store STORE{known} --set PARAMETER=VALUE --name NAME")
-    return 0

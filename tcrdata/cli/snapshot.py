@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from typing import TYPE_CHECKING, Any
 
 from tcrdata import console
@@ -31,11 +32,11 @@ def snapshot(name: str | None = None, /, *, store: StoreUrl, json: Flag = False)
     tables = _tables(frozen)
     if json:
         console.print_json({"name": frozen.name, "tables": tables})
-        return 0
-    heads = ("table", "rows", "bytes", "files")
-    rows = [(table, *counts.values()) for table, counts in tables.items() if counts["files"]]
-    console.print_table(f"snapshot {frozen.name}", heads, rows)
-    console.say(f"next: tcrdata check --store {store} --snapshot {frozen.name}")
+    else:
+        heads = ("table", "rows", "bytes", "files")
+        rows = [(table, *counts.values()) for table, counts in tables.items() if counts["files"]]
+        console.print_table(f"snapshot {frozen.name}", heads, rows)
+    console.say(f"next: tcrdata check --store {shlex.quote(store)} --snapshot {frozen.name}")
     return 0
 
 
@@ -53,11 +54,11 @@ def _list(store: Store, *, json: bool) -> int:
         rows.append({"name": name, "tables": len(tables), **totals, "selections": made})
     if json:
         console.print_json(rows)
-        return 0
-    heads = ("snapshot", "tables", "files", "rows", "bytes", "selections made from it")
-    listed = [(*list(row.values())[:-1], ", ".join(row["selections"])) for row in rows]
-    console.print_table("", heads, listed)
-    console.say(f"next: tcrdata snapshot NAME --store {store.url}")
+    else:
+        heads = ("snapshot", "tables", "files", "rows", "bytes", "selections made from it")
+        listed = [(*list(row.values())[:-1], ", ".join(row["selections"])) for row in rows]
+        console.print_table("", heads, listed)
+    console.say(f"next: tcrdata snapshot NAME --store {shlex.quote(store.url)}")
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shlex
 import sys
 from typing import Any
 
@@ -43,9 +44,14 @@ def test_rules(folder: str | None = None, /, *, json: Flag = False) -> int:  # n
             )
     for rule in results.untested:
         console.say(f"rule {rule} has no case: write {rule}.toml beside the other cases")
-    where = f" {folder}" if folder else ""
+    own = shlex.quote(folder or "")
     if failing:
+        where = f" {own}" if folder else ""
         console.say(f"next: correct the rule or its case, then tcrdata test-rules{where}")
+    elif folder and not results.untested:
+        console.say(f"next: tcrdata check --store STORE --preset {own}/PRESET.sql")
+    elif not results.untested:
+        console.say("next: tcrdata rules")
     return 1 if failing else 0
 
 

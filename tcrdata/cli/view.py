@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from pathlib import Path
 
@@ -47,5 +48,5 @@ def view(
         )
     else:
         sys.stdout.write(f"{out}\n")
-        console.say(f"{len(written)} frames, {size / 1e6:.1f} MB; next: rerun {out}")
+    console.say(f"{len(written)} frames, {size / 1e6:.1f} MB; next: rerun {shlex.quote(out)}")
     return 0

@@ -185,7 +185,9 @@ def _next(found: Explanation, store: str, preset: str | None, *, drawn: bool) ->
     """The command that would accept it, else one that shows more."""
     where = f"--store {shlex.quote(store)}"
     if found.changes:
-        values = " ".join(f"--set {value}" for value in (*found.parameters, *found.changes))
+        changed = {change.partition("=")[0] for change in found.changes}
+        kept = [value for value in found.parameters if value.partition("=")[0] not in changed]
+        values = " ".join(f"--set {shlex.quote(value)}" for value in (*kept, *found.changes))
         name = shlex.quote(preset or found.preset)
         heard = f" --round {found.round}" if found.round > 1 else ""
         return f"tcrdata check {where} --preset {name}{heard} {values} --name changed"

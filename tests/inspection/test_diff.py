@@ -142,6 +142,9 @@ def test_the_command_prints_tables_or_json(store: Store, tmp_path: Path) -> None
     found = done("diff", "a", "b", "--store", store.url, "--json").json
     assert list(found) == ["a", "b", "rules", "changes", "causes", "sequences"]
     assert found["causes"][0]["because"] == ["least_range_m 4 -> 8"]
+    later = select(store, own(tmp_path), {"least_range_m": 9}, name="c", round=2)
+    said = done("diff", "b", "2", "--store", store.url).err
+    assert said.strip().endswith(f"--selection {later.selection_id}")
 
 
 def test_what_cannot_be_compared_is_refused(store: Store, tmp_path: Path) -> None:

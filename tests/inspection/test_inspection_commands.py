@@ -26,6 +26,10 @@ def test_why_says_which_rule_decides_and_the_command_that_accepts(store: str) ->
     told = done("why", "d/s1/000001", "--store", store)
     assert "stopped by travels alone: travels 2.4 m, needs >= 3 m" in told.out
     assert "--set min_travel_m=2.4" in told.err
+    changed = ("--set", "min_travel_m=2.9", "--set", "min_points=6")
+    done("check", "--store", store, *changed)
+    told = done("why", "d/s1/000001", "--store", store)
+    assert "--set min_points=6 --set min_travel_m=2.4 --name changed" in told.err
 
 
 def test_why_json_names_the_place_taken(store: str) -> None:
@@ -108,3 +112,10 @@ def test_test_rules_fails_with_what_was_expected_and_found(tmp_path: Path) -> No
     failed = run("test-rules", tmp_path)
     assert failed.code == 1
     assert "own_range, case 'near', proposal 1: passed is false, expected true" in failed.out
+    assert f"then tcrdata test-rules {tmp_path}" in failed.err
+    case = tmp_path / "cases" / "own_range.toml"
+    case.write_text(case.read_text().replace("passed = true", "passed = false"))
+    assert (
+        f"next: tcrdata check --store STORE --preset {tmp_path}/"
+        in done("test-rules", tmp_path).err
+    )
