@@ -37,12 +37,14 @@ class LabelPart:
 
 @dataclass(frozen=True)
 class _Drive:
-    """How many labels a drive has."""
+    """How many labels a drive has, and the least and greatest of their numbers."""
 
     dataset: str
     sequence: str
     positive: int
     undecided: int
+    least: int
+    greatest: int
 
 
 def label_columns() -> list[str]:
@@ -79,7 +81,7 @@ def _drives(connection: duckdb.DuckDBPyConnection) -> list[_Drive]:
     found = connection.execute(
         """
         select p.dataset, p.sequence, count(*) filter (d.state = 'positive'),
-               count(*) filter (d.state = 'ignore')
+               count(*) filter (d.state = 'ignore'), min(d.number), max(d.number)
         from decided d join kept p on p.rowid = d.number
         group by all order by all
         """
@@ -102,13 +104,17 @@ def _cut(drives: Sequence[_Drive]) -> Iterator[list[_Drive]]:
 
 
 def _any_of(drives: Sequence[_Drive]) -> str:
-    """SQL of whether proposals p are of some drives, which follow one another."""
+    """SQL of whether proposals p, and what was decided d, are of drives that follow one another.
+
+    Numbers say it of few others: files are read drive by drive.
+    """
     spans = []
     for dataset, group in groupby(drives, key=lambda drive: drive.dataset):
         names = [drive.sequence for drive in group]
         between = f"between {quoted(names[0])} and {quoted(names[-1])}"
         spans.append(f"(p.dataset = {quoted(dataset)} and p.sequence {between})")
-    return f"({' or '.join(spans)})"
+    least, greatest = min(d.least for d in drives), max(d.greatest for d in drives)
+    return f"d.number between {least} and {greatest} and ({' or '.join(spans)})"
 
 
 def _carriers(

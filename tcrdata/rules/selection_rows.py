@@ -44,14 +44,14 @@ class Run:
 
     Attributes:
         preset: with its parameters filled in.
-        snapshot: name of the frozen list of files.
+        snapshot: gives the name of the frozen list of files, which may be under way.
         files: those of it that the rules see.
         unit: that the rows belong to; its sequence is the selection's id.
         name: of the selection.
     """
 
     preset: FilledPreset
-    snapshot: str
+    snapshot: Callable[[], str]
     files: Sequence[FileEntry]
     unit: Unit
     name: str
@@ -136,7 +136,7 @@ def _own_row(run: Run, positive: int, undecided: int) -> dict[str, list[Any]]:
         "name": run.name,
         "preset": preset.name,
         "round": run.unit.round,
-        "snapshot": run.snapshot,
+        "snapshot": run.snapshot(),
         "rules": [rule.name for rule in preset.rules],
         "rule_texts": [rule.select for rule in preset.rules],
         "required": [rule.required for rule in preset.rules],

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from tcrdata.store.commits import ANY_DATASET
 from tcrdata.store.followed import is_read, newest_tracked
 
 if TYPE_CHECKING:
+    from tcrdata.store.snapshots import Snapshot
     from tcrdata.store.writer import Writer
 
 STAGE = "selection"
@@ -102,8 +103,9 @@ def select(
     made = not store.is_done(own.unit, own.identity, own.inputs)
     if made:
         # Only now: a store that is done stays as it is, whatever was measured since.
-        frozen = frozen or store.freeze(None, EVIDENCE_TABLES, seen)
-        _make(store, own, filled, frozen.name, called)
+        _make(
+            store, own, filled, called, lambda: frozen or store.freeze(None, EVIDENCE_TABLES, seen)
+        )
     chosen = own.unit.sequence
     if made or newest or store.newest_selection(chosen) is None:
         store.point_to(chosen, called)
@@ -159,23 +161,28 @@ def _judged(
     return _Judgement(own, evidence, _identity(preset, evidence, round), round)
 
 
-def _make(store: Store, own: _Judgement, preset: FilledPreset, snapshot: str, name: str) -> None:
-    """Write a selection's rows."""
-    run = Run(preset, snapshot, own.files, own.unit, name)
-    with store.writer(own.unit, settings_hash=own.identity, inputs=own.inputs) as writer:
-        _append_beside(writer, selection_rows(store, run))
+def _make(
+    store: Store, own: _Judgement, preset: FilledPreset, name: str, freeze: Callable[[], Snapshot]
+) -> None:
+    """Write a selection's rows; its files are frozen, and rows appended, beside the judging."""
+    writing = store.writer(own.unit, settings_hash=own.identity, inputs=own.inputs)
+    with writing as writer, ThreadPoolExecutor(max_workers=1) as beside:
+        freezing = beside.submit(freeze)
+        run = Run(preset, lambda: freezing.result().name, own.files, own.unit, name)
+        _append_beside(beside, writer, selection_rows(store, run))
 
 
-def _append_beside(writer: Writer, rows: Iterator[tuple[str, Mapping[str, Any]]]) -> None:
+def _append_beside(
+    beside: Executor, writer: Writer, rows: Iterator[tuple[str, Mapping[str, Any]]]
+) -> None:
     """Append rows in order, each batch while the next one is judged."""
-    with ThreadPoolExecutor(max_workers=1) as beside:
-        before: Future[None] | None = None
-        for table, columns in rows:
-            if before is not None:
-                before.result()
-            before = beside.submit(writer.append, table, columns)
+    before: Future[None] | None = None
+    for table, columns in rows:
         if before is not None:
             before.result()
+        before = beside.submit(writer.append, table, columns)
+    if before is not None:
+        before.result()
 
 
 def _identity(preset: FilledPreset, evidence: str, round: int) -> str:

@@ -12,7 +12,7 @@ from rule_worlds import GOOD_TRACK, PROPOSAL, put, put_tracks
 
 import tcrdata
 from tcrdata.errors import MissingEvidenceError, RuleError, StoreError
-from tcrdata.rules import load_preset, select, selection_rows
+from tcrdata.rules import label_parts, load_preset, select, selection_rows
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.store import Store, Unit
 
@@ -154,8 +154,9 @@ def test_rows_are_sorted_and_the_same_however_they_are_batched(monkeypatch: Any)
     from tcrdata.store import open_store
 
     found = []
-    for number, size in enumerate((1, 10**6)):
+    for number, (size, part) in enumerate(((1, 10**6), (10**6, 10**6), (10**6, 1))):
         monkeypatch.setattr(selection_rows, "BATCH_ROWS", size)
+        monkeypatch.setattr(label_parts, "_PART_ROWS", part)
         store = open_store(f"memory://batches-{number}", create=True)
         for sequence in ("b", "a", "c"):
             put_tracks(store, sequence, random_tracks(40, 5))
@@ -163,7 +164,7 @@ def test_rows_are_sorted_and_the_same_however_they_are_batched(monkeypatch: Any)
         found.append([entry.sha256 for entry in store.files("labels")])
         order = ids(store, made.selection_id)
         assert order == sorted(order)
-    assert found[0] == found[1]
+    assert found[0] == found[1] == found[2]
 
 
 def test_same_identity_is_pointed_to_and_not_recomputed(store: Store, monkeypatch: Any) -> None:
@@ -272,6 +273,15 @@ def test_what_only_rows_can_show_is_refused(
     assert message in str(caught.value)
     assert store.newest_selection() is None
     assert not store.files("labels")
+
+
+def test_a_frame_twice_does_not_make_up_for_one_that_is_missing(
+    store: Store, write_sql: Write
+) -> None:
+    put_tracks(store, "a", [GOOD_TRACK, {**GOOD_TRACK, "frame": 1}])
+    twice = " join (select unnest([1, 1]) as number) n on n.number = p.frame"
+    with pytest.raises(RuleError, match="rule mine: some frames come twice and others never"):
+        select(store, own(write_sql, rule_join=twice))
 
 
 def test_names_with_a_quote_in_them_are_names(store: Store, write_sql: Write) -> None:

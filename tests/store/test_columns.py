@@ -9,7 +9,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from tcrdata.store.columns import array_of
+from tcrdata.store.columns import array_of, text_lists
 
 PAIR = pa.struct([pa.field("bytes", pa.binary()), pa.field("path", pa.string())])
 
@@ -60,3 +60,11 @@ def test_other_values_are_left_to_arrow(kind: pa.DataType, values: Any) -> None:
 def test_too_large() -> None:
     with pytest.raises(OverflowError):
         array_of(pa.int32(), [2**31])
+
+
+@pytest.mark.parametrize("which", [[2, 0, 1, 2], []])
+def test_a_few_lists_of_texts_are_repeated(which: list[int]) -> None:
+    lists = [["a", "vier Z\u00e4hne"], [], ["", "b"]]
+    made = text_lists(lists, np.array(which, np.int64))
+    made.validate(full=True)
+    assert made.equals(pa.array([lists[number] for number in which], pa.list_(pa.string())))
