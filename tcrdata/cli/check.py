@@ -47,6 +47,6 @@ def check(
     if json:
         console.print_json(printing.selection_json(selection))
     else:
-        printing.print_selection(selection)
+        printing.print_selection(selection, store)
         console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {store}")
     return 0
