@@ -48,7 +48,7 @@ def check(
     if json:
         console.print_json(printing.selection_json(selection))
     else:
-        printing.print_selection(selection)
+        printing.print_selection(selection, store)
         where = shlex.quote(store)
         console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {where}")
     return 0
