@@ -8,6 +8,7 @@ import duckdb
 
 from tcrdata.rules.choosing import choose, decide
 from tcrdata.rules.frame_verdicts import check_rows, named, with_frame_verdicts
+from tcrdata.rules.kinds import OF_KINDS, Kinds, kinds_of, of_kinds
 from tcrdata.rules.label_parts import LabelPart, label_columns, label_parts
 from tcrdata.rules.panel import Seat, runs, seats
 from tcrdata.rules.presets import FilledPreset
@@ -47,15 +48,10 @@ def judge(
     """
     presets = (preset, *preset.alternatives)
     panel = seats(presets)
-    texts = {preset.rules[0].select for preset in presets}
-    first = [seat for seat in panel if seat.rule.select in texts]
-    opening = [seat for seat in first if seat.streams and seat.rule.reads.passes_id]
-    if opening:
-        passing = _let_through(presets, panel, opening, relations)
-        relations = _of_sources(connection, passing, named(opening), relations)
+    judged, kinds, relations = _opened(connection, presets, panel, relations)
     shown = set(label_columns())
-    before = _everybody(presets, panel, _columns(presets, panel) | shown, relations)
-    listed = runs(panel)
+    before = _everybody(presets, panel, _columns(presets, panel) | shown, relations, kinds)
+    listed = runs(judged)
     left = rows
     for place, run in enumerate(listed):
         if left:
@@ -70,20 +66,49 @@ def judge(
         yield from label_parts(connection, presets, panel)
 
 
+def _opened(
+    connection: duckdb.DuckDBPyConnection,
+    presets: Sequence[FilledPreset],
+    panel: Sequence[Seat],
+    relations: Relations,
+) -> tuple[Sequence[Seat], Kinds | None, Relations]:
+    """What the rules that open presets leave to do: rules, kinds that they told apart, relations.
+
+    Sources of which nothing passes are left out.
+    """
+    texts = {preset.rules[0].select for preset in presets}
+    first = [seat for seat in panel if seat.rule.select in texts]
+    opening = [seat for seat in first if seat.streams and seat.rule.reads.passes_id]
+    kinds: Kinds | None = None
+    if opening:
+        passing = _let_through(presets, panel, opening, relations)
+        if _names(opening) <= OF_KINDS:
+            listed_names = _listed({"source", *_names(opening)})
+            kept = f"select {listed_names}, carried, alive from {passing}"
+            run_sql(connection, f"create temp table kinds as {kept}", named(opening))
+            passing, kinds = "kinds", kinds_of(connection)
+        relations = _of_sources(connection, passing, named(opening), relations)
+    judged = [seat for seat in panel if seat not in opening]
+    if not kinds or not judged or not judged[0].streams:
+        return panel, None, relations
+    return judged, kinds, relations
+
+
 def _everybody(
     presets: Sequence[FilledPreset],
     panel: Sequence[Seat],
     columns: Collection[str],
     relations: Relations,
+    kinds: Kinds | None = None,
 ) -> str:
-    """SQL of the proposals before the first rule, with these columns.
+    """SQL of the proposals before the first rule, or after those that know only `kinds`.
 
     `carried` has a bit for each rule that passed, `alive` one for each preset that none failed.
     """
     wide = "hugeint" if len(panel) > _BITS else "bigint"
-    everyone = (1 << len(presets)) - 1
+    carried, alive = ("0", str((1 << len(presets)) - 1)) if kinds is None else of_kinds(kinds)
     return (
-        f"(select {_listed(columns)}, 0::{wide} as carried, {everyone}::bigint as alive "
+        f"(select {_listed(columns)}, ({carried})::{wide} as carried, ({alive})::bigint as alive "
         f"from {relations['proposals']})"
     )
 
@@ -109,13 +134,18 @@ def _let_through(
 
     Rules say the same of rows that are alike in what the rules name, so one of them stands for all.
     """
-    named = {"source", *(name for seat in opening for name in seat.rule.reads.named)} - {_ID}
-    kinds = {column.name: column.type for column in schemas.columns("proposals")}
-    once = "distinct " * all(kinds[name] == "varchar" for name in named)
+    named = {"source", *_names(opening)}
+    types = {column.name: column.type for column in schemas.columns("proposals")}
+    once = "distinct " * all(types[name] == "varchar" for name in named)
     alike = f"(select {once}{_listed(named)} from {relations['proposals']})"
     nameless = f"(select '' as {_ID}, * from {alike})"
     everybody = _everybody(presets, panel, named | {_ID}, {"proposals": nameless})
     return f"(from {_streamed(opening, everybody, relations)} where alive <> 0)"
+
+
+def _names(rules: Sequence[Seat]) -> set[str]:
+    """Columns of `proposals` that some rules name, but the id."""
+    return {name for seat in rules for name in seat.rule.reads.named} - {_ID}
 
 
 def _of_sources(

@@ -64,16 +64,28 @@ def label_parts(
     """
     carriers = _carriers(connection, presets, panel)
     columns = _columns(presets)
-    parts = list(_cut(_drives(connection)))
-    for drives in parts:
-        chosen = f"where {_any_of(drives)} " if len(parts) > 1 else ""
+    for positive, undecided, chosen in _parts(connection):
         rows = connection.sql(
             f"select {columns} from decided d join kept p on p.rowid = d.number "
             "join carriers c on c.carried = d.carried and c.place = d.place "
-            f"{chosen}order by p.dataset, p.sequence, p.frame, p.proposal_id"
+            f"where {chosen} order by p.dataset, p.sequence, p.frame, p.proposal_id"
         ).to_arrow_table()
-        positive = sum(drive.positive for drive in drives)
-        yield LabelPart(_named(rows, carriers), positive, sum(d.undecided for d in drives))
+        yield LabelPart(_named(rows, carriers), positive, undecided)
+
+
+def _parts(connection: duckdb.DuckDBPyConnection) -> Iterator[tuple[int, int, str]]:
+    """Positive and undecided labels of each part, and SQL of which those are."""
+    ((positive, undecided),) = connection.execute(
+        "select count(*) filter (state = 'positive'), count(*) filter (state = 'ignore') "
+        "from decided"
+    ).fetchall()
+    if positive + undecided <= _PART_ROWS:
+        yield positive, undecided, "true"
+        return
+    for drives in _cut(_drives(connection)):
+        counts = [(drive.positive, drive.undecided) for drive in drives]
+        positive, undecided = (sum(numbers) for numbers in zip(*counts, strict=True))
+        yield positive, undecided, _any_of(drives)
 
 
 def _drives(connection: duckdb.DuckDBPyConnection) -> list[_Drive]:
