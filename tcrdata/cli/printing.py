@@ -47,6 +47,7 @@ def selection_json(selection: Selection) -> dict[str, Any]:
         "proposals_judged": selection.proposals_judged,
         "labels": selection.labels,
         "ignored": selection.ignored,
+        **({"followed": selection.followed} if selection.followed else {}),
     }
 
 
@@ -106,4 +107,14 @@ def print_selection(selection: Selection) -> None:
         f"selection {selection.selection_id[:12]} '{selection.name}'{of_round}: "
         f"{selection.labels:,} labels "
         f"and {selection.ignored:,} left undecided, from {selection.proposals_judged:,} proposals\n"
+    )
+
+
+def followed_line(selection: Selection, follows: str, store_url: str) -> str:
+    """Return whose tracked boxes a selection was offered, or how it could be offered some."""
+    if selection.followed is not None:
+        return f"with the boxes tracked from selection {selection.followed[:12]}"
+    return (
+        f"without tracked boxes: nothing of preset {follows} was tracked in round "
+        f"{selection.round}; run tcrdata track --store {store_url}"
     )
