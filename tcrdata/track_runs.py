@@ -50,6 +50,9 @@ def track(
     """
     outcomes = []
     beside = len(plan.sequences) < 2 and workers > 1
+    if plan.library:
+        # The rule for the library runs between the passes: loaded while workers get ready.
+        import duckdb  # noqa: F401
     with (
         TemporaryDirectory(prefix="tcrdata-track-") as spool,
         _workers(store_url, plan, workers) as parallel,
