@@ -5,6 +5,7 @@ BIN := .venv/bin
 STAMP := .venv/.ready
 WARM := .venv/.warm
 DEMO ?= demo-out
+FRAMES ?= all
 
 .PHONY: setup demo test lint types fix clean
 .DELETE_ON_ERROR:
@@ -26,7 +27,7 @@ $(WARM): $(STAMP)
 	@touch $(WARM)
 
 demo: setup
-	$(BIN)/tcrdata build --dataset demo --store $(DEMO)/store
+	$(BIN)/tcrdata build --dataset demo --preset tcrdata,tabletop --frames $(FRAMES) --store $(DEMO)/store
 	$(BIN)/tcrdata evaluate --store $(DEMO)/store
 	$(BIN)/tcrdata draw --store $(DEMO)/store --out $(DEMO)/pictures
 	@echo "pictures: $(DEMO)/pictures   store: $(DEMO)/store"

@@ -68,12 +68,12 @@ class Handle:
         """
         import duckdb
 
-        from tcrdata.errors import QueryError
+        from tcrdata.store.views import query_error
 
         try:
             return self.connection.sql(query, params=parameters or None)
         except duckdb.Error as error:
-            raise QueryError(" ".join(str(error).split())) from error
+            raise query_error(error) from error
 
     def table(self, name: str) -> polars.LazyFrame:
         """A table as a polars LazyFrame over its files; `checks` and `verdicts` are worked out.

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal
 
+from tcrdata.frame_ranges import spans
 from tcrdata.plain_tables import column_widths, goes_into_a_file, plain_table
 
 if TYPE_CHECKING:
@@ -84,8 +85,9 @@ class BuildBar:
         if outcome.state == "failed":
             self._bar.console.print(failure(outcome), soft_wrap=True, markup=False)
         if outcome.state == "made":
-            for frame, message in outcome.frame_errors:
-                line = f"left out: {_place(outcome)} frame {frame}: {message}"
+            for frames, message in spans(outcome.frame_errors):
+                name = "frames" if "-" in frames else "frame"
+                line = f"left out: {_place(outcome)}, {name} {frames}: {message}"
                 self._bar.console.print(line, soft_wrap=True, markup=False)
 
     def trained(self, labels_round: int, kind: str, report: Report) -> None:

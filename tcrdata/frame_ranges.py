@@ -1,7 +1,8 @@
-"""Which frames of a sequence a command is about: `0-49,60,70-`."""
+"""Ranges of frames: which a command is about, `0-49,60,70-`, and which share a message."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tcrdata.errors import SettingsError
@@ -48,3 +49,21 @@ def _parsed_range(part: str, text: str) -> tuple[int, int | None]:
     raise SettingsError(
         f"--frames '{text}': '{part}' is no range; write such as 0-49 or 0-9,20,30-"
     )
+
+
+def spans(frame_errors: Iterable[tuple[int, str]]) -> list[tuple[str, str]]:
+    """Return frames next to each other that share a message as one: `3` or `5-9`, and the message.
+
+    Args:
+        frame_errors: (frame, message), rising.
+    """
+    runs: list[tuple[int, int, str]] = []
+    for frame, message in frame_errors:
+        if runs and runs[-1][1:] == (frame - 1, message):
+            runs[-1] = (runs[-1][0], frame, message)
+        else:
+            runs.append((frame, frame, message))
+    return [
+        (str(first) if first == last else f"{first}-{last}", message)
+        for first, last, message in runs
+    ]

@@ -35,6 +35,8 @@ def ingest_frames(
         )
     unit = Unit(FRAMES, plan.dataset_name, info.sequence, ROUND)
     inputs = frame_inputs(plan, info)
+    # Without any, it is no fault of a frame to have none.
+    has_images = any(frame.image_path is not None for frame in frames)
     with store.writer(unit, settings_hash=plan.settings_hash(FRAMES), inputs=inputs) as writer:
         writer.append("sequences", _sequence_columns(info, frames))
         tasks = [(dataset, chunk) for chunk in chunked(frames, FRAMES_A_TASK)]
@@ -44,7 +46,7 @@ def ingest_frames(
             writer.append("images", _image_columns([frame for frame, _ in usable]))
             writer.append("sweeps", _sweep_columns(usable))
             for frame, _ in checked:
-                if problem := frame.error or (_is_fault(frame) and frame.image_error):
+                if problem := frame.error or (has_images and frame.image_error):
                     writer.error(frame.frame, str(problem))
 
 
@@ -116,11 +118,6 @@ def frame_of_row(row: dict[str, Any], image: str | None, points: str | None) -> 
 
 def _matrix(values: Sequence[float], rows: int) -> tuple[tuple[float, ...], ...]:
     return tuple(tuple(values[4 * i : 4 * i + 4]) for i in range(rows))
-
-
-def _is_fault(frame: Frame) -> bool:
-    """Whether a missing image is a fault of this frame, not of a drive without images."""
-    return frame.image_path is not None
 
 
 def _sequence_columns(info: SequenceInfo, frames: list[Frame]) -> dict[str, list[Any]]:

@@ -118,7 +118,7 @@ class SequenceInfo:
         static_camera: the camera is known not to move.
         calibration: where the calibration came from.
         fingerprint: sha256 over calibration text and names and sizes of the files, never labels.
-        number_of_frames: frames listed, unreadable ones included.
+        number_of_frames: frames from the first to the last, missing and unreadable ones included.
     """
 
     dataset: str

@@ -68,6 +68,7 @@ def clock(folder: Path, _: int) -> Path:
         (sweep_file, not_a_number, "error", "0000000002.bin"),
         (sweep_file, empty, "error", "sweep 0000000002.bin has no points; fetch it again"),
         (sweep_file, Path.unlink, "error", "no sweep; fetch its .bin again"),
+        (image_file, Path.unlink, "ok", "no image; fetch its .png again"),
         (image_file, cut, "ok", "image 0000000002.png is cut short"),
         (image_file, enlarge, "ok", "162x48"),
         (clock, stop_the_clock, "error", "timestamps.txt, line 3: the time does not rise"),
@@ -86,7 +87,7 @@ def test_a_frame_that_cannot_be_used_is_a_row_and_the_rest_is_built(
     preset = "paper" if file is image_file else "tcrdata"
     result = done(*build_command(tmp_path / "kitti", store, "--preset", preset))
     (line,) = [line for line in result.err.splitlines() if line.startswith("left out: ")]
-    assert line.startswith(f"left out: kitti/{DRIVE} frames frame 2: ")
+    assert line.startswith(f"left out: kitti/{DRIVE} frames, frame 2: ")
     assert message in line
     (problem,) = status_of(store)["problems"]
     assert (problem["where"], problem["frame"]) == (f"kitti/{DRIVE} frames", 2)
@@ -110,22 +111,30 @@ def test_a_drive_without_a_usable_frame_fails_however_often_it_is_built(tmp_path
         assert f"kitti/{DRIVE}: none of its frames can be used" in result.err
 
 
-def test_a_gap_in_the_frames_stays_a_gap(tmp_path: Path) -> None:
-    folder = write_raw(tmp_path / "kitti", frames=FRAMES)
-    sweep_file(folder, 2).unlink()
-    image_file(folder, 2).unlink()
+def test_a_gap_in_the_frames_is_said_in_one_line_and_has_rows(tmp_path: Path) -> None:
+    folder = write_raw(tmp_path / "kitti", frames=FRAMES + 1)
+    for frame in (2, 3):
+        sweep_file(folder, frame).unlink()
+        image_file(folder, frame).unlink()
     result = done(*build_command(tmp_path / "kitti", tmp_path / "store"))
-    assert "left out" not in result.err
-    query = "select frame from frames order by frame"
+    wrong = "neither sweep nor image; fetch its .bin and .png again"
+    lines = [line for line in result.err.splitlines() if line.startswith("left out: ")]
+    assert lines == [f"left out: kitti/{DRIVE} frames, frames 2-3: {wrong}"]
+    query = "select frame, error from frames order by frame"
     rows = done("sql", query, "--store", tmp_path / "store", "--json").json
-    assert [row["frame"] for row in rows] == [0, 1, 3, 4]
-    assert status_of(tmp_path / "store")["problems"] == []
+    assert [row["error"] for row in rows] == [None, None, wrong, wrong, None, None]
+    found = status_of(tmp_path / "store")["problems"]
+    assert [(problem["frame"], problem["error"]) for problem in found] == [(2, wrong), (3, wrong)]
+    table = done("status", "--store", tmp_path / "store").out.partition("problems")[2]
+    assert "2-3" in table
 
 
 def test_a_drive_without_images_builds_and_draws(tmp_path: Path) -> None:
     write_raw(tmp_path / "kitti", frames=FRAMES, images=False)
     store = tmp_path / "store"
     result = done(*build_command(tmp_path / "kitti", store, "--preset", "all"))
+    assert "why 'paper' has no label: tcrdata funnel --selection " in result.err
+    assert "no frame has an image: what needs one abstains" in result.err
     assert "left out" not in result.err
     assert "failed:" not in result.err
     assert status_of(store)["problems"] == []

@@ -86,6 +86,8 @@ def test_what_does_not_run_is_one_line(store):
     with pytest.raises(QueryError, match="propsals") as error:
         opened.sql("select *\nfrom propsals")
     assert "\n" not in str(error.value)
+    with pytest.raises(QueryError, match=r'near "propsals" \(line 2 of the query\); mend it'):
+        opened.sql("select *\nform propsals")
     with pytest.raises(SchemaError, match="no table 'propsals'"):
         opened.table("propsals")
     with pytest.raises(StoreError, match="there is no store"):

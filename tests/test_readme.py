@@ -58,6 +58,26 @@ def test_the_longer_commands_are_understood(readme: str) -> None:
         assert bound.arguments, tokens
 
 
+def test_make_demo_builds_scores_and_draws(repository: Path, tmp_path: Path) -> None:
+    """All but the setup, on a few frames."""
+    commands = tmp_path / "commands"
+    commands.mkdir()
+    values = [f"BIN={commands}", f"DEMO={tmp_path / 'demo'}", "FRAMES=0-5"]
+    with forked_commands(commands) as path:
+        result = subprocess.run(
+            ["make", "--old-file=setup", "demo", *values],
+            cwd=repository,
+            env={**os.environ, "PATH": path},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
+    assert result.returncode == 0, result.stderr
+    assert "recall, all" in result.stdout
+    assert f"next: {commands}/tcrdata sql" in result.stdout
+    assert len(list((tmp_path / "demo" / "pictures").glob("*.png"))) >= 5
+
+
 @pytest.mark.parametrize("target", ["setup", "demo", "test"])
 def test_the_make_targets_are_there(readme: str, repository: Path, target: str) -> None:
     assert f"make {target}" in readme

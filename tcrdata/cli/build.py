@@ -72,25 +72,14 @@ def build(
         dry_run: say what would be made and stop.
         json: print the report as JSON.
     """
-    from tcrdata import executors
-
-    count = workers if workers is not None else default_workers()
-    if count < 1:
-        raise SettingsError(f"--workers {count}: at least one is needed")
-    if count > 1 and not dry_run:
-        executors.start_server()
+    count = _started_workers(workers, dry_run=dry_run)
     from tcrdata.dry_runs import dry_rounds
     from tcrdata.flow_models import check_presets_read_flow, flow_assignments
     from tcrdata.inspection.drift import drifts
     from tcrdata.rounds import build_rounds, plan_rounds
     from tcrdata.store import open_store
 
-    if rounds < 1:
-        raise SettingsError(f"--rounds {rounds}: at least one is needed")
-    if rounds > 1 and snapshot is not None:
-        raise SettingsError("--snapshot fixes the evidence: later rounds would measure anew")
-    if tracking == "on" and snapshot is not None:
-        raise SettingsError("--snapshot fixes the evidence: what tracking adds would not be in it")
+    _check_rounds(rounds, tracking, snapshot)
     values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
     if generate:
         root = root or _beside(store, renderer)
@@ -131,6 +120,28 @@ def build(
         printing.print_drifts(found)
         printing.print_build(report, loop.first.sequences, store, seconds, only_plan=dry_run)
     return 1 if report.count("failed") else 0
+
+
+def _started_workers(workers: int | None, *, dry_run: bool) -> int:
+    """Return how many workers are to work; more than one begin to get ready before all else."""
+    from tcrdata import executors
+
+    count = workers if workers is not None else default_workers()
+    if count < 1:
+        raise SettingsError(f"--workers {count}: at least one is needed")
+    if count > 1 and not dry_run:
+        executors.start_server()
+    return count
+
+
+def _check_rounds(rounds: int, tracking: str, snapshot: str | None) -> None:
+    """Raise SettingsError for rounds that cannot be."""
+    if rounds < 1:
+        raise SettingsError(f"--rounds {rounds}: at least one is needed")
+    if rounds > 1 and snapshot is not None:
+        raise SettingsError("--snapshot fixes the evidence: later rounds would measure anew")
+    if tracking == "on" and snapshot is not None:
+        raise SettingsError("--snapshot fixes the evidence: what tracking adds would not be in it")
 
 
 def _beside(store: str, renderer: str | None) -> str:

@@ -59,7 +59,7 @@ def check(
     if json:
         console.print_json(printing.selection_json(chosen))
     else:
-        printing.print_selection(chosen)
+        printing.print_selection(chosen, store)
         if loaded.follows:
             console.say(printing.followed_line(chosen, loaded.follows, store))
         console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {store}")

@@ -69,7 +69,7 @@ def print_build(
         console.say(f"{report.count('todo')} of {len(report.outcomes)} units to make")
         return
     for selection in report.selections:
-        print_selection(selection)
+        print_selection(selection, store_url)
     made, failed = report.count("made"), report.count("failed")
     skipped = report.count("skipped")
     if not made and not failed:
@@ -100,14 +100,25 @@ def print_drifts(drifts: Sequence[Drift]) -> None:
             )
 
 
-def print_selection(selection: Selection) -> None:
-    """Print a selection as one line."""
+def print_selection(selection: Selection, store_url: str) -> None:
+    """Print a selection as one line; of one without labels say how to find out why."""
     of_round = f" of round {selection.round}" if selection.round > 1 else ""
     sys.stdout.write(
         f"selection {selection.selection_id[:12]} '{selection.name}'{of_round}: "
         f"{selection.labels:,} labels "
         f"and {selection.ignored:,} left undecided, from {selection.proposals_judged:,} proposals\n"
     )
+    if not selection.labels:
+        why = f"tcrdata funnel --selection {selection.selection_id} --store {store_url}"
+        console.say(f"why '{selection.name}' has no label: {why}{_without_images(store_url)}")
+
+
+def _without_images(store_url: str) -> str:
+    """What is to be said where no frame of a store has an image; else nothing."""
+    from tcrdata.store import open_store
+
+    has_image = open_store(store_url).read("frames", columns=["has_image"])["has_image"]
+    return "" if any(has_image.to_pylist()) else "; no frame has an image: what needs one abstains"
 
 
 def followed_line(selection: Selection, follows: str, store_url: str) -> str:

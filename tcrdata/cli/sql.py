@@ -7,7 +7,7 @@ import sys
 
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
-from tcrdata.errors import QueryError, SettingsError
+from tcrdata.errors import SettingsError
 
 ROWS_A_WRITE = 10_000
 
@@ -30,9 +30,12 @@ def sql(
     import duckdb
 
     import tcrdata
+    from tcrdata.store.views import query_error
 
     if json and csv:
         raise SettingsError("--json and --csv: choose one")
+    if not query.strip():
+        raise SettingsError("the query is empty: write such as 'select count(*) from proposals'")
     handle = tcrdata.open(store)
     try:
         if not json and not csv:
@@ -50,5 +53,5 @@ def sql(
         while rows := cursor.fetchmany(ROWS_A_WRITE):
             writer.writerows(rows)
     except duckdb.Error as error:
-        raise QueryError(" ".join(str(error).split())) from error
+        raise query_error(error) from error
     return 0

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import groupby
+from operator import itemgetter
+
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
+from tcrdata.frame_ranges import spans
 
 
 def status(*, store: StoreUrl, json: Flag = False) -> int:
@@ -28,9 +32,20 @@ def status(*, store: StoreUrl, json: Flag = False) -> int:
         console.print_table("rounds", columns, found.rounds)
     console.print_table("tables", ("table", "rows", "bytes", "files"), found.tables)
     if found.problems:
-        console.print_table("problems", ("where", "frame", "what"), found.problems)
+        console.print_table("problems", ("where", "frame", "what"), _merged(found.problems))
     if found.selections:
         console.print_table("selections", ("id", "name", "labels", "round"), found.selections)
     if found.missing:
         console.say("run the same build again to make what is missing")
     return 0
+
+
+def _merged(problems: list[tuple[str, int | None, str]]) -> list[tuple[str, str | None, str]]:
+    """Return a line for what is wrong with frames next to each other."""
+    rows: list[tuple[str, str | None, str]] = []
+    for where, found in groupby(problems, itemgetter(0)):
+        listed = list(found)
+        rows += [(where, None, what) for _, frame, what in listed if frame is None]
+        frames = [(frame, what) for _, frame, what in listed if frame is not None]
+        rows += [(where, *span) for span in spans(frames)]
+    return rows

@@ -27,6 +27,7 @@ from typing import Any
 import numpy as np
 
 from tcrdata.datasets.cater_truth import read_scene
+from tcrdata.datasets.frame_numbers import consecutive_numbers
 from tcrdata.datasets.image_files import png_size, read_grey16, read_rgb
 from tcrdata.datasets.kitti_layout import DataFile, numbered_files
 from tcrdata.datasets.scene import Scene, View
@@ -91,8 +92,13 @@ class RecordedClips:
         return len(self._calibration(clip).views)
 
     def numbers(self, clip: str, camera: int) -> list[int]:
-        """Numbers of the frames that have an image or a depth image."""
-        return sorted(self._files(clip, camera, "rgb") | self._files(clip, camera, "depth"))
+        """Numbers of the frames from the first image or depth image to the last, rising.
+
+        Raises:
+            DatasetError: a file has a number far from all others.
+        """
+        found = self._files(clip, camera, "rgb").keys() | self._files(clip, camera, "depth").keys()
+        return consecutive_numbers(found, self._clip(clip) / f"camera_{camera}")
 
     def frames_per_second(self, clip: str) -> float:
         """Frames a second; raises DatasetError."""

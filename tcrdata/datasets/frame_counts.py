@@ -18,6 +18,8 @@ def counted_frames(task: tuple[Dataset, tuple[Frame, ...]]) -> list[tuple[Frame,
             try:
                 count = len(dataset.read_points(frame))
             except FrameError as error:
-                frame = replace(frame, status="error", error=str(error))
+                frame = replace(
+                    frame, status="error", error=str(error).removeprefix(f"frame {frame.frame}: ")
+                )
         counted.append((frame, count))
     return counted

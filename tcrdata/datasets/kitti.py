@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from tcrdata.datasets.frame_numbers import consecutive_numbers
 from tcrdata.datasets.image_files import png_size, read_rgb
 from tcrdata.datasets.kitti_calibration import Calibration, read_calibration
 from tcrdata.datasets.kitti_layout import (
@@ -84,13 +85,13 @@ class KittiDataset:
             sensor="lidar",
             metric_scale=1.0,
             static_camera=False,
-            calibration=f"{names}; image size from {source}",
+            calibration=f"{names}; image size from {source}{_other_clock(files)}",
             fingerprint=_fingerprint(files, listing),
             number_of_frames=len(listing.numbers),
         )
 
     def frames(self, sequence: str) -> list[Frame]:
-        """Return a row for each number that an image or a sweep has, rising.
+        """Return a row for each number from the first image or sweep to the last, rising.
 
         A sweep that is missing or of an impossible size, or a wrong timestamp, makes status
         `error`; a missing, cut or odd-sized image sets `image_error`.
@@ -163,10 +164,12 @@ class KittiDataset:
 
     def _frame(self, common: Frame, number: int, listing: _Listing, time: Timestamp) -> Frame:
         sweep, image = listing.sweeps.get(number), listing.images.get(number)
-        error: str | None = "no sweep; fetch its .bin again"
         if sweep is not None:
-            error = size_error(sweep.path.name, sweep.size_bytes)
-        error = error or time.error
+            error = size_error(sweep.path.name, sweep.size_bytes) or time.error
+        elif image is not None or not listing.images:
+            error = "no sweep; fetch its .bin again"
+        else:
+            error = "neither sweep nor image; fetch its .bin and .png again"
         return replace(
             common,
             frame=number,
@@ -184,16 +187,16 @@ class KittiDataset:
 
 @dataclass(frozen=True)
 class _Listing:
-    """The sweeps and images of a sequence by frame number, and the images' sizes or faults."""
+    """The sweeps and images of a sequence by frame number, and the images' sizes or faults.
 
+    `numbers` rises from the first file's to the last one's.
+    """
+
+    numbers: list[int]
     sweeps: dict[int, DataFile]
     images: dict[int, DataFile]
     sizes_px: dict[int, tuple[int, int]]
     image_faults: dict[int, str]
-
-    @property
-    def numbers(self) -> list[int]:
-        return sorted(self.sweeps.keys() | self.images.keys())
 
 
 def _list_files(files: SequenceFiles) -> _Listing:
@@ -205,13 +208,14 @@ def _list_files(files: SequenceFiles) -> _Listing:
             sizes_px[number] = png_size(image.path)
         except FrameError as error:
             faults[number] = str(error)
-    listing = _Listing(numbered_files(files.sweeps, ".bin"), images, sizes_px, faults)
-    if not listing.numbers:
+    sweeps = numbered_files(files.sweeps, ".bin")
+    numbers = consecutive_numbers(sweeps.keys() | images.keys(), f"'{files.sweeps.parent}'")
+    if not numbers:
         raise DatasetError(
             f"'{files.name}' has no frames: neither {files.sweeps}/<number>.bin nor "
             f"{files.images}/<number>.png"
         )
-    return listing
+    return _Listing(numbers, sweeps, images, sizes_px, faults)
 
 
 def _image_size(listing: _Listing, calibration: Calibration) -> tuple[tuple[int, int], str]:
@@ -223,11 +227,19 @@ def _image_size(listing: _Listing, calibration: Calibration) -> tuple[tuple[int,
     return _DEFAULT_SIZE_PX, "KITTI's usual 1242x375"
 
 
+def _other_clock(files: SequenceFiles) -> str:
+    """Say which clock the times are from where that is not the sweeps'; else nothing."""
+    clock = next((path for path in files.timestamps if path.is_file()), None)
+    if clock is None or clock == files.timestamps[0]:
+        return ""
+    return f"; times from {clock.relative_to(files.base).as_posix()}, as the sweeps have none"
+
+
 def _image_error(number: int, listing: _Listing, camera: Camera | None) -> str | None:
     if number in listing.image_faults:
         return listing.image_faults[number]
     if number not in listing.images:
-        return "no image" if listing.images else "the sequence has no images"
+        return "no image; fetch its .png again" if listing.images else "the sequence has no images"
     width, height = listing.sizes_px[number]
     if camera is None or (width, height) != (camera.width_px, camera.height_px):
         name = listing.images[number].path.name

@@ -86,17 +86,17 @@ class _KeyFile:
         name = next((name for name in names if name in self.values), None)
         if name is None:
             raise DatasetError(f"'{self.path}' has no key '{names[0]}': restore the calibration")
-        try:
-            numbers = np.array([float(word) for word in self.values[name]])
-        except ValueError as error:
-            raise DatasetError(f"'{self.path}', key '{name}': {error}") from error
+        numbers = np.array([_number(word) for word in self.values[name]])
         if len(numbers) != count:
-            raise DatasetError(
-                f"'{self.path}', key '{name}': expected {count} numbers, found {len(numbers)}"
-            )
-        if not np.isfinite(numbers).all():
-            raise DatasetError(f"'{self.path}', key '{name}': a number is not finite")
+            raise self.wrong(name, f"expected {count} numbers, found {len(numbers)}")
+        for word, number in zip(self.values[name], numbers, strict=True):
+            if not np.isfinite(number):
+                raise self.wrong(name, f"'{word[:40]}' is not a finite number")
         return numbers
+
+    def wrong(self, name: str, what: str) -> DatasetError:
+        """Return the error that says what is wrong with a key."""
+        return DatasetError(f"'{self.path}', key '{name}': {what}; restore the calibration")
 
     def rotation(self, *names: str) -> FloatArray:
         """Return a (3, 3) rotation."""
@@ -120,9 +120,7 @@ class _KeyFile:
         """Return a (3, 4) projection."""
         result = self.numbers(12, name).reshape(3, 4)
         if min(result[0, 0], result[1, 1], result[2, 2]) <= 0:
-            raise DatasetError(
-                f"'{self.path}', key '{name}': the focal lengths and the scale must be positive"
-            )
+            raise self.wrong(name, "the focal lengths and the scale must be positive")
         return result
 
     def image_size(self, name: str) -> tuple[int, int] | None:
@@ -131,14 +129,20 @@ class _KeyFile:
             return None
         width, height = self.numbers(2, name)
         if min(width, height) < 1:
-            raise DatasetError(f"'{self.path}', key '{name}': the sizes must be positive")
+            raise self.wrong(name, "the sizes must be positive")
         return int(width), int(height)
 
     def _checked(self, rotation: FloatArray, name: str) -> FloatArray:
         error = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
         if error > _ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
-            raise DatasetError(
-                f"'{self.path}', key '{name}': not a rotation (off by {error:.3g}, at most "
-                f"{_ROTATION_TOLERANCE:g} allowed)"
-            )
+            allowed = f"at most {_ROTATION_TOLERANCE:g} allowed"
+            raise self.wrong(name, f"not a rotation (off by {error:.3g}, {allowed})")
         return rotation
+
+
+def _number(word: str) -> float:
+    """Return a word's number; NaN where it is none."""
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan

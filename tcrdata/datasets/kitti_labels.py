@@ -76,6 +76,7 @@ def _parse_line(path: Path, line_number: int, line: str) -> LabelledObject:
     except ValueError as error:
         raise DatasetError(
             f"'{path}', line {line_number}: {error}; expected {_NUMBER_OF_FIELDS} fields: {_FIELDS}"
+            "; fetch the file again, or build without it"
         ) from error
     if words[2] == DONT_CARE:
         name = f"{DONT_CARE}-{line_number}"

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 TEMPORARY = "tmp"
 _FULL = (errno.ENOSPC, errno.EDQUOT)
+_TOO_LARGE = errno.EFBIG
 
 
 @contextmanager
@@ -38,6 +39,11 @@ def storage_errors(path: str) -> Iterator[None]:
             raise StoreError(
                 f"{path}: the disk is full; free some space and run again, "
                 "what was committed is kept"
+            ) from error
+        if error.errno == _TOO_LARGE:
+            raise StoreError(
+                f"{path}: the file system or a limit (see ulimit -f) allows no file so large; put "
+                "the store elsewhere or raise the limit and run again, what was committed is kept"
             ) from error
         reason = error.strerror or str(error) or type(error).__name__
         raise StoreError(f"{path}: {reason}") from error

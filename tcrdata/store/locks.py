@@ -31,7 +31,9 @@ def locked_folder(top: Path) -> tuple[Path, int]:
             folder = Path(tempfile.mkdtemp(dir=top))
             if (lock := _try_lock(folder)) is not None:
                 return folder, lock
-    raise OSError(errno.EAGAIN, f"no temporary folder can be made in {top}: remove it")
+    raise OSError(
+        errno.EAGAIN, f"no temporary folder can be made in {top}: give the store another place"
+    )
 
 
 def sweep(top: Path) -> None:

@@ -153,6 +153,15 @@ def one_line(error: Exception) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
+def query_error(error: Exception) -> QueryError:
+    """Return the error of a query of the user's: what is wrong, in which line, what to do."""
+    message, _, place = str(error).partition("\n\nLINE ")
+    number = place.partition(":")[0]
+    where = f" (line {number} of the query)" if number.isdigit() else ""
+    said = " ".join(message.split())
+    return QueryError(f"{said}{where}; mend it: `show tables` and `describe TABLE` list the names")
+
+
 def no_glob(path: str) -> str:
     """A path as a pattern that means it alone: DuckDB takes every path for a pattern."""
     return "".join(f"[{letter}]" if letter in "*?[" else letter for letter in path)

@@ -41,7 +41,7 @@ def replace_line(key: str, line: str) -> Callable[[str], str]:
         ("calib_velo_to_cam.txt", "R:", "", "has no key 'R'"),
         ("calib_cam_to_cam.txt", "P_rect_02:", "", "has no key 'P_rect_02'"),
         ("calib_cam_to_cam.txt", "R_rect_00:", "R_rect_00: 1 0 0", "expected 9 numbers, found 3"),
-        ("calib_velo_to_cam.txt", "T:", "T: 0 0 nan", "'T': a number is not finite"),
+        ("calib_velo_to_cam.txt", "T:", "T: 0 0 nan", "'T': 'nan' is not a finite number; restore"),
         ("calib_velo_to_cam.txt", "T:", "T: 0 0 zero", "'T': .*zero"),
         ("calib_velo_to_cam.txt", "R:", "R: 1 0 0 0 1 0 0 0 1.1", "'R': not a rotation"),
         ("calib_velo_to_cam.txt", "R:", "R: 1 0 0 0 1 0 0 0 -1", "'R': not a rotation"),

@@ -169,7 +169,9 @@ def test_a_wrong_time_names_file_and_line(raw: Raw, sensor: str, text: str, mess
 
 def test_a_drive_without_any_clock_says_which_files_are_missing(raw: Raw) -> None:
     dataset, folder = raw
+    assert "times from" not in dataset.info(DRIVE).calibration
     (folder / "velodyne_points" / "timestamps.txt").unlink()
+    assert "times from 2" in dataset.info(DRIVE).calibration
     assert {f.status for f in dataset.frames(DRIVE)} == {"ok"}
     (folder / "image_02" / "timestamps.txt").unlink()
     with pytest.raises(DatasetError, match=r"no timestamps: .*velodyne_points/timestamps\.txt"):

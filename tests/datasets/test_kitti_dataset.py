@@ -112,13 +112,22 @@ def test_tracking_counts_a_tenth_of_a_second_a_frame(tmp_path: Path) -> None:
     assert [frame.timestamp_ns for frame in frames] == [0, 100_000_000, 200_000_000]
 
 
-def test_a_number_that_no_file_has_is_a_gap(raw: Raw) -> None:
+def test_a_number_that_no_file_has_is_a_frame_in_error(raw: Raw) -> None:
     dataset, folder = raw
     sweep_file(folder, 2).unlink()
     image_file(folder, 2).unlink()
-    assert [(f.frame, f.status) for f in dataset.frames(DRIVE)] == [
-        (number, "ok") for number in (0, 1, 3, 4)
-    ]
+    frames = dataset.frames(DRIVE)
+    assert [f.frame for f in frames if f.status == "ok"] == [0, 1, 3, 4]
+    assert frames[2].error == "neither sweep nor image; fetch its .bin and .png again"
+    assert frames[2].timestamp_ns - frames[1].timestamp_ns == 100_000_000
+    assert dataset.info(DRIVE).number_of_frames == 5
+
+
+def test_a_number_far_from_the_others_is_refused(raw: Raw) -> None:
+    dataset, folder = raw
+    sweep_file(folder, 4).rename(sweep_file(folder, 400_000))
+    with pytest.raises(DatasetError, match=r"frame 4 is followed by frame 400000: .* rename it"):
+        dataset.frames(DRIVE)
 
 
 def test_an_image_without_a_sweep_is_a_frame_in_error(raw: Raw) -> None:
@@ -138,7 +147,11 @@ def test_a_sweep_without_an_image_is_a_frame_without_one(raw: Raw) -> None:
     dataset, folder = raw
     image_file(folder, 2).unlink()
     frame = dataset.frames(DRIVE)[2]
-    assert (frame.status, frame.has_image, frame.image_error) == ("ok", False, "no image")
+    assert (frame.status, frame.has_image, frame.image_error) == (
+        "ok",
+        False,
+        "no image; fetch its .png again",
+    )
     with pytest.raises(FrameError, match=r"frame 2 .* no image"):
         dataset.read_image(frame)
 

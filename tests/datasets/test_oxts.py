@@ -71,3 +71,4 @@ def test_a_broken_packet_names_file_and_line(tmp_path: Path, line: str, message:
     with pytest.raises(DatasetError, match=r"0000\.txt', line 2: ") as caught:
         read_poses(path)
     assert message in str(caught.value)
+    assert "restore the packet" in str(caught.value)

@@ -170,6 +170,14 @@ def test_a_living_writers_files_are_left_alone(disk):
     assert disk.read("point_evidence").num_rows == 3
 
 
+def test_a_file_too_large_for_its_place_says_what_to_do():
+    with (
+        pytest.raises(StoreError, match="allows no file so large; put the store elsewhere"),
+        filesystem.storage_errors("table flows"),
+    ):
+        raise OSError(errno.EFBIG, "File too large")
+
+
 @pytest.mark.parametrize("call", ["fsync", "link", "write"])
 @pytest.mark.parametrize("after", [0, 1, 2])
 def test_a_full_disk_is_one_line_and_leaves_nothing_half_visible(disk, monkeypatch, call, after):
