@@ -98,8 +98,11 @@ def open_dataset(root: str | None = None) -> Cater:
         DatasetError: no such folder, no clip in it, or the spec is malformed.
     """
     text = root or ""
-    if Path(text).is_dir() and text:
-        return Cater("cater", text, RecordedClips(text))
+    folder = Path(text).expanduser()
+    if folder.is_dir() and text:
+        # The store is read from other folders, too.
+        root = str(folder.absolute())
+        return Cater("cater", root, RecordedClips(root))
     if text and "=" not in text:
         raise DatasetError(
             f"{text}: no such folder; give a folder of clips, or name clips to generate like "
