@@ -122,7 +122,7 @@ def watched(process: subprocess.Popen[bytes]) -> float:
         peak = max(peak, tree_mb(process.pid))
         time.sleep(SAMPLE_EVERY_S)
     if process.returncode:
-        raise SystemExit(f"the build failed with {process.returncode}")
+        raise SystemExit(f"the command failed with {process.returncode}")
     return peak
 
 

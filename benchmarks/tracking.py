@@ -9,7 +9,6 @@ memory; stores of a short and a long sequence side by side show whether it grows
 from __future__ import annotations
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -20,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import map_coordinates
+from stages import watched
 
 from tcrdata.store import open_store
 from tcrdata.tracking.cell_points import cell_points
@@ -72,7 +72,7 @@ def main() -> None:
 
 
 def track(store: str, workers: int) -> None:
-    """Print seconds and peak memory of a tracking of a copy, beside those of doing nothing then.
+    """Print seconds and peak memory, of all processes, of a tracking of a copy, and of none then.
 
     What a second run takes, which finds everything done, is start-up.
     """
@@ -86,12 +86,9 @@ def track(store: str, workers: int) -> None:
             child = subprocess.Popen(
                 [*command, "--workers", str(workers)], stderr=subprocess.DEVNULL
             )
-            _, status, used = os.wait4(child.pid, 0)
-            if status:
-                raise SystemExit(f"{store}: tcrdata track failed")
-            wall, cpu = time.perf_counter() - started, used.ru_utime + used.ru_stime
-            print(f"{store}: {frames} frames {what}: {wall:.1f} s, {cpu:.1f} s of CPU time, "
-                  f"peak {used.ru_maxrss / 1024:.0f} MB")  # fmt: skip
+            peak_mb = watched(child)
+            wall = time.perf_counter() - started
+            print(f"{store}: {frames} frames {what}: {wall:.1f} s, peak {peak_mb:.0f} MB")
 
 
 def least_seconds(function: Callable[[], object], runs: int) -> float:

@@ -5,32 +5,56 @@ Worker processes import this module as their own main module: it loads nothing u
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import NoReturn
 
 
 def main() -> NoReturn:
-    """Run the command that the arguments of this process name."""
+    """Run the command that the arguments of this process name, and end the process at once.
+
+    Taking apart everything that was imported, object by object, takes longer than many a command.
+    """
+    try:
+        command()
+    except SystemExit as ended:
+        atexit._run_exitfuncs()
+        # A reader that has gone has closed them.
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(OSError, ValueError):
+                stream.flush()
+        os._exit(ended.code if isinstance(ended.code, int) else bool(ended.code))
+
+
+def command() -> NoReturn:
+    """Run the command that the arguments of this process name.
+
+    Raises:
+        SystemExit: it is over, with its code.
+    """
     # What is imported stays: looking through it for garbage at every turn takes a command's time.
     gc.set_threshold(50_000, 20, 50)
-    if _builds(sys.argv[1:]):
+    preload = _preload(sys.argv[1:])
+    if preload:
         from tcrdata import executors
 
         # Workers get ready while this process reads what there is to do.
-        executors.start_server()
+        executors.start_server(getattr(executors, preload))
     from tcrdata import cli
 
     cli.main()
 
 
-def _builds(arguments: Sequence[str]) -> bool:
-    """Whether the arguments surely ask for a build with workers; the command itself knows."""
+def _preload(arguments: Sequence[str]) -> str:
+    """Name what workers need, where arguments surely ask for some; the command itself knows."""
     others = ("--help", "-h", "--dry-run", "--workers")
-    plain = arguments[:1] == ["build"] and not any(a.startswith(others) for a in arguments)
-    return plain and len(os.sched_getaffinity(0)) > 1
+    if len(os.sched_getaffinity(0)) < 2 or any(a.startswith(others) for a in arguments):
+        return ""
+    return {"build": "PRELOAD", "track": "TRACKING"}.get("".join(arguments[:1]), "")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import multiprocessing.forkserver
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -21,6 +21,9 @@ R = TypeVar("R")
 
 PRELOAD = ("tcrdata.evidence.preloading", "tcrdata.datasets.kitti", "tcrdata.datasets.frame_counts")
 """Modules imported once, by the server that the workers are forked from."""
+
+TRACKING = ("tcrdata.track_preloading", "tcrdata.datasets.kitti")
+"""The same for workers that track."""
 
 _ONE_THREAD = dict.fromkeys(
     (
@@ -60,13 +63,15 @@ class Processes:
     when it is killed.
     """
 
-    def __init__(self, workers: int) -> None:
+    def __init__(self, workers: int, preload: Sequence[str] = PRELOAD) -> None:
         """Start no process yet.
 
         Args:
             workers: number of processes.
+            preload: modules that the server imports, where it does not run yet.
         """
         self.workers = workers
+        self._preload = preload
         self._pool: ProcessPoolExecutor | None = None
 
     def __call__(self, function: Callable[[T], R], items: Iterable[T]) -> Iterator[R]:
@@ -109,7 +114,7 @@ class Processes:
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            start_server()
+            start_server(self._preload)
             context = multiprocessing.get_context("forkserver")
             self._pool = ProcessPoolExecutor(
                 self.workers, mp_context=context, initializer=_start_worker
@@ -132,12 +137,15 @@ def one_ahead(items: Iterator[T]) -> Iterator[T]:
             yield cast(T, item)
 
 
-def start_server() -> None:
+def start_server(preload: Sequence[str] = PRELOAD) -> None:
     """Start the server that workers are forked from, unless it runs; returns at once.
 
     It imports what the workers need while this process goes on: the earlier, the better.
+
+    Args:
+        preload: modules that it imports.
     """
-    multiprocessing.get_context("forkserver").set_forkserver_preload(list(PRELOAD))
+    multiprocessing.get_context("forkserver").set_forkserver_preload(list(preload))
     # The server copies the environment when it starts, and the workers have the server's.
     with _environment({**_ONE_THREAD, **_KEEP_PAGES}):
         multiprocessing.forkserver.ensure_running()

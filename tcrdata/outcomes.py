@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
-from tcrdata.rules import Selection
 from tcrdata.store import Unit
+
+if TYPE_CHECKING:
+    from tcrdata.rules import Selection
 
 State = Literal["done", "made", "failed", "skipped", "todo"]
 

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tcrdata import __version__, registry, settings
 from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.frame_ranges import FrameRanges
-from tcrdata.rules import Preset, load_preset, preset_names
 from tcrdata.store import Store, Unit
 from tcrdata.store.followed import BOXES
 from tcrdata.types import Dataset
+
+if TYPE_CHECKING:
+    from tcrdata.rules import Preset
 
 FRAMES = "frames"
 TRUTH = "ground_truth"
@@ -116,6 +118,9 @@ def loaded_presets(names: Iterable[str], parameters: dict[str, str]) -> list[Pre
         SettingsError: no preset, an unknown one, an unknown parameter or a value of another type.
         RuleError: a file is wrong.
     """
+    # What is planned without presets waits for no rules.
+    from tcrdata.rules import load_preset, preset_names
+
     presets = [load_preset(name) for name in names]
     if not presets:
         raise SettingsError(f"no preset named: there are {', '.join(preset_names())}, all")
@@ -130,6 +135,8 @@ def loaded_presets(names: Iterable[str], parameters: dict[str, str]) -> list[Pre
 
 def first_round_presets() -> tuple[str, ...]:
     """Return the presets that ship with tcrdata and read no cue that needs a trained model."""
+    from tcrdata.rules import load_preset, preset_names
+
     return tuple(
         name for name in preset_names() if not any(map(speaks_anew, load_preset(name).cues))
     )

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import importlib.metadata
 import importlib.util
 from functools import cache
 from pathlib import Path
@@ -86,5 +85,8 @@ def _modules(kind: str) -> frozenset[str]:
 
 
 def _entry_points(kind: str) -> dict[str, Any]:
+    # Loaded where a name is none of our own.
+    import importlib.metadata
+
     found = importlib.metadata.entry_points(group=f"tcrdata.{kind}")
     return {point.name: point for point in found}

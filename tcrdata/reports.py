@@ -37,6 +37,21 @@ def run_report(
         return connection.sql(select)
 
 
+def check_report(name: str, parameters: Mapping[str, Any], folder: str = "reports") -> None:
+    """Check that a report sets variables of these names, before anything else is done.
+
+    Raises:
+        SettingsError: it does not.
+    """
+    import duckdb
+
+    connection = duckdb.connect()
+    try:
+        _made_ready(connection, name, parameters, folder)
+    finally:
+        connection.close()
+
+
 def report_rows(
     connection: duckdb.DuckDBPyConnection, name: str, parameters: Mapping[str, Any] | None = None
 ) -> list[dict[str, Any]]:

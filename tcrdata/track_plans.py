@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 from tcrdata import settings
 from tcrdata.errors import MissingEvidenceError, SettingsError
+from tcrdata.reports import check_report
 from tcrdata.store import Store, Unit
 from tcrdata.store.followed import BOXES, stage_of
 from tcrdata.tracking.library import LibrarySettings
@@ -102,8 +103,21 @@ def plan_tracking(
     return TrackPlan(
         selection_id, rows[0]["round"], start, library, chosen,
         detector if chosen.features == "auto" else "",
-        {name.partition(".")[2]: float(text) for name, text in rule.items()}, sequences,
+        _entries(rule), sequences,
     )  # fmt: skip
+
+
+def _entries(assignments: Mapping[str, str]) -> dict[str, float]:
+    """Return the parameters of the rule for entries from `library_entries.name=value`."""
+    found = {}
+    for name, text in assignments.items():
+        try:
+            found[name.partition(".")[2]] = float(text)
+        except ValueError as error:
+            raise SettingsError(f"{name}={text}: a number is needed") from error
+    if found:
+        check_report("library_entries", found, folder="tracking")
+    return found
 
 
 def detector_of(store: Store, round: int) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 from tcrdata import __version__, registry, settings
 from tcrdata.errors import DatasetError, EvidenceError, MissingEvidenceError
 from tcrdata.evidence.models import Model, ModelChoice, read_model
-from tcrdata.executors import Processes, Serial, executor
+from tcrdata.executors import TRACKING, Processes, Serial
 from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import FRAMES, TRUTH
 from tcrdata.reports import run_report
@@ -49,12 +49,19 @@ def track(
         TcrdataError: the store cannot be read or written.
     """
     outcomes = []
-    with TemporaryDirectory(prefix="tcrdata-track-") as spool:
+    beside = len(plan.sequences) < 2 and workers > 1
+    if plan.library:
+        # The rule for the library runs between the passes: loaded while workers get ready.
+        import duckdb  # noqa: F401
+    with (
+        TemporaryDirectory(prefix="tcrdata-track-") as spool,
+        _workers(store_url, plan, workers) as parallel,
+    ):
         for library, start in passes(plan):
             store = open_store(store_url)
             entries = _library_rows(store, plan) if library else []
             part = replace(plan, library=library, start=start)
-            for outcome in _outcomes(store_url, part, entries, workers, spool):
+            for outcome in _outcomes(store_url, part, entries, parallel, spool, beside=beside):
                 progress(outcome)
                 outcomes.append(outcome)
     if plan.start == "labels":
@@ -76,23 +83,35 @@ def _boxes(store_url: str, plan: TrackPlan, tracked: list[UnitOutcome]) -> Itera
         yield UnitOutcome(unit, "made" if made else "done")
 
 
+def _workers(store_url: str, plan: TrackPlan, workers: int) -> Serial | Processes:
+    """Return what tracks sequences side by side; rows do not depend on how many at once.
+
+    One alone has a worker, too: its libraries are loaded while this process makes its plan.
+    """
+    if workers < 2 or store_url.startswith("memory"):
+        return Serial()
+    return Processes(min(workers, len(plan.sequences)), TRACKING)
+
+
 def _outcomes(
-    store_url: str, plan: TrackPlan, entries: list[dict[str, Any]], workers: int, spool: str
+    store_url: str,
+    plan: TrackPlan,
+    entries: list[dict[str, Any]],
+    parallel: Serial | Processes,
+    spool: str,
+    *,
+    beside: bool,
 ) -> Iterator[UnitOutcome]:
-    """Track sequences side by side; rows do not depend on how many at once.
+    """Track sequences; where there is one alone, its frames are read in a thread beside.
 
     The folder `spool` takes what one pass over a sequence finds that the next one asks again.
     """
     known = settings.digest(entries)
-    alone = workers < 2 or len(plan.sequences) < 2 or store_url.startswith("memory")
-    beside = alone and workers > 1
     tasks = [
         (store_url, plan, entries, known, beside, str(Path(spool, str(number))), *key)
         for number, key in enumerate(plan.sequences)
     ]
-    with executor(1 if alone else workers) as parallel:
-        assert isinstance(parallel, Serial | Processes)
-        yield from parallel(_track_sequence, tasks)
+    return parallel(_track_sequence, tasks)
 
 
 def _track_sequence(

@@ -10,11 +10,9 @@ from typing import Any
 import numpy as np
 
 from tcrdata.errors import EvidenceError, FrameError, MissingEvidenceError
-from tcrdata.evidence.detector_features import detector_features
 from tcrdata.evidence.ground import Settings as PlaneSettings
 from tcrdata.evidence.ground import ground_plane
 from tcrdata.evidence.models import Model
-from tcrdata.evidence.objectness3d import EVIDENCE
 from tcrdata.evidence.point_rows import decode_matching, read_encoded
 from tcrdata.evidence.poses import Poses, read_poses
 from tcrdata.evidence.range_images import (
@@ -153,6 +151,10 @@ class SceneSource:
     def _features(self, frame: Frame, cloud: PointCloud, kept: np.ndarray) -> Float32Array:
         """What the detector makes of the points; without one, colour or a LiDAR's reflectance."""
         if self.model is not None:
+            # Most trackings are without one.
+            from tcrdata.evidence.detector_features import detector_features
+            from tcrdata.evidence.objectness3d import EVIDENCE
+
             rows = ((e, read_encoded(self.tables, frame.frame, e, round=ROUND)) for e in EVIDENCE)
             known = {name: row for name, row in rows if row is not None}
             found = detector_features(self.model, frame, cloud, known, self.metric_scale)

@@ -75,7 +75,7 @@ def serve(listening: socket.socket) -> None:
 
 def answered(client: socket.socket) -> int:
     """Run the command that a client asks for, in its place; return the code that it exits with."""
-    from tcrdata.__main__ import main
+    from tcrdata.__main__ import command
 
     head, streams, _, _ = socket.recv_fds(client, 4, 3)
     text = b""
@@ -91,7 +91,7 @@ def answered(client: socket.socket) -> int:
     sys.argv[1:] = arguments
     code = 1
     try:
-        main()
+        command()
     except SystemExit as ended:
         code = int(ended.code or 0)
     # A command whose reader has gone has closed them.

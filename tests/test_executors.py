@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from tcrdata import __main__
+from tcrdata import __main__, executors
 from tcrdata.errors import EvidenceError, FrameError
 from tcrdata.executors import Processes, Serial, executor
 
@@ -103,17 +103,36 @@ def test_workers_end_with_a_killed_parent() -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "surely"),
+    ("arguments", "preload"),
     [
-        (["build", "--dataset", "kitti"], True),
-        (["build", "--dry-run"], False),
-        (["build", "--workers=1"], False),
-        (["check", "--store", "build"], False),
-        ([], False),
+        (["build", "--dataset", "kitti"], "PRELOAD"),
+        (["build", "--dry-run"], ""),
+        (["build", "--workers=1"], ""),
+        (["track", "--store", "s"], "TRACKING"),
+        (["track", "--workers", "1"], ""),
+        (["check", "--store", "build"], ""),
+        ([], ""),
     ],
 )
-def test_the_server_starts_first_for_builds_with_workers(
-    arguments: list[str], surely: bool, monkeypatch: pytest.MonkeyPatch
+def test_the_server_starts_first_for_what_surely_has_workers(
+    arguments: list[str], preload: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1})
-    assert __main__._builds(arguments) is surely
+    assert __main__._preload(arguments) == preload
+    assert not preload or getattr(executors, preload)
+
+
+@pytest.mark.parametrize(("ended", "code"), [(None, 0), (3, 3), ("a message", 1)])
+def test_the_command_leaves_at_once_with_its_code(ended: object, code: int) -> None:
+    program = (
+        "import atexit\n"
+        "from tcrdata import __main__, cli\n"
+        "def ends():\n"
+        "    print('said')\n"
+        f"    raise SystemExit({ended!r})\n"
+        "cli.main = ends\n"
+        "atexit.register(print, 'asked to be told')\n"
+        "__main__.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (code, "said\nasked to be told\n")

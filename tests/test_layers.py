@@ -33,6 +33,7 @@ LAYERS = (
         "tracked_rows",
         "tracked_scenes",
         "track_plans",
+        "track_preloading",
         "track_runs",
         "tracklet_boxes",
         "track_pictures",

@@ -169,6 +169,22 @@ def test_settings_that_track_nothing_are_refused(built: Path, setting: str) -> N
         )
 
 
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [("min_passable=high", "a number is needed"), ("nope=1", "has no parameter 'nope'")],
+)
+def test_parameters_of_the_library_are_checked_before_anything_is_tracked(
+    built: Path, setting: str, said: str
+) -> None:
+    store = open_store(str(built))
+    with pytest.raises(SettingsError, match=said):
+        plan_tracking(
+            store,
+            str(store.newest_selection()),
+            assignments=parse_assignments([f"library_entries.{setting}"]),
+        )
+
+
 class Unreadable:
     """A dataset of which some frames can no longer be read."""
 

@@ -47,6 +47,7 @@ def selection_json(selection: Selection) -> dict[str, Any]:
         "proposals_judged": selection.proposals_judged,
         "labels": selection.labels,
         "ignored": selection.ignored,
+        **({"followed": selection.followed} if selection.followed else {}),
     }
 
 
@@ -118,3 +119,13 @@ def _without_images(store_url: str) -> str:
 
     has_image = open_store(store_url).read("frames", columns=["has_image"])["has_image"]
     return "" if any(has_image.to_pylist()) else "; no frame has an image: what needs one abstains"
+
+
+def followed_line(selection: Selection, follows: str, store_url: str) -> str:
+    """Return whose tracked boxes a selection was offered, or how it could be offered some."""
+    if selection.followed is not None:
+        return f"with the boxes tracked from selection {selection.followed[:12]}"
+    return (
+        f"without tracked boxes: nothing of preset {follows} was tracked in round "
+        f"{selection.round}; run tcrdata track --store {store_url}"
+    )

@@ -20,11 +20,12 @@ from tcrdata.datasets.blender import Blender, BlenderSettings
 from tcrdata.datasets.cater_clips import RecordedClips
 from tcrdata.datasets.cater_generator import LIMITS, CaterSpec, GeneratedClips
 from tcrdata.datasets.cater_writer import Pictures, RayCaster, write_clips
+from tcrdata.datasets.depth_points import unprojected
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.specs import format_spec, parse_spec
 from tcrdata.datasets.truth import truth_rows
 from tcrdata.errors import DatasetError, SettingsError
-from tcrdata.geometry.transforms import as_tuples, inverse, transform_points
+from tcrdata.geometry.transforms import as_tuples, inverse
 from tcrdata.settings import overridden, unknown
 from tcrdata.types import FloatArray, Frame, Generation, ImageArray, PointCloud, SequenceInfo
 
@@ -97,8 +98,11 @@ def open_dataset(root: str | None = None) -> Cater:
         DatasetError: no such folder, no clip in it, or the spec is malformed.
     """
     text = root or ""
-    if Path(text).is_dir() and text:
-        return Cater("cater", text, RecordedClips(text))
+    folder = Path(text).expanduser()
+    if folder.is_dir() and text:
+        # The store is read from other folders, too.
+        root = str(folder.absolute())
+        return Cater("cater", root, RecordedClips(root))
     if text and "=" not in text:
         raise DatasetError(
             f"{text}: no such folder; give a folder of clips, or name clips to generate like "
@@ -208,12 +212,7 @@ class Cater:
         clip, camera = self._parts(frame.sequence)
         depth = self.clips.depth(clip, camera, frame.frame)
         view = self.clips.view(clip, camera)
-        rows, columns = np.nonzero(depth > 0)
-        pixels = np.stack([columns, rows], axis=1).astype(np.int32)
-        rays = np.column_stack([pixels, np.ones(len(pixels))])
-        rays = rays @ np.linalg.inv(view.camera.matrix[:, :3]).T
-        camera_points = rays * depth[rows, columns, None]
-        points = transform_points(frame.sensor_matrix, camera_points).astype(np.float32)
+        points, pixels = unprojected(depth, view.camera.matrix[:, :3], frame.sensor_matrix)
         return PointCloud(points, np.zeros(len(points), dtype=np.float32), pixels)
 
     def read_image(self, frame: Frame) -> ImageArray:

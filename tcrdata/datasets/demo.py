@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from tcrdata.datasets.depth_points import unprojected
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.shading import render
 from tcrdata.datasets.specs import Limits, format_spec, parse_spec
@@ -27,7 +28,7 @@ from tcrdata.datasets.tabletop import (
 from tcrdata.datasets.truth import exact_flow, truth_rows
 from tcrdata.errors import DatasetError
 from tcrdata.geometry.raycasting import cast
-from tcrdata.geometry.transforms import as_tuples, inverse, transform_points
+from tcrdata.geometry.transforms import as_tuples, inverse
 from tcrdata.types import (
     Float32Array,
     FloatArray,
@@ -133,12 +134,9 @@ class Demo:
         depth, _ = self._cast(frame.sequence, frame.frame)
         noise = np.random.default_rng([self.spec.seed, self._number(frame.sequence), frame.frame])
         depth = depth + self.spec.noise_m * noise.standard_normal(depth.shape)
-        kept = np.flatnonzero((depth > 0.0) & (depth <= MAX_DEPTH_M))
-        columns, rows = kept % CAMERA.width_px, kept // CAMERA.width_px
-        pixels = np.stack([columns, rows], axis=1).astype(np.int32)
-        rays = np.column_stack([pixels, np.ones(len(kept))]) @ np.linalg.inv(CAMERA.matrix[:, :3]).T
-        camera_points = rays * depth[kept, None]
-        points = transform_points(frame.sensor_matrix, camera_points).astype(np.float32)
+        depth = np.where(depth > MAX_DEPTH_M, 0.0, depth)
+        depth = depth.reshape(CAMERA.height_px, CAMERA.width_px)
+        points, pixels = unprojected(depth, CAMERA.matrix[:, :3], frame.sensor_matrix)
         return PointCloud(points, np.zeros(len(points), dtype=np.float32), pixels)
 
     def read_image(self, frame: Frame) -> ImageArray:

@@ -6,7 +6,9 @@ delete `__pycache__/*.nbi` beside them.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, cached_property, update_wrapper
 from typing import Any, TypeVar, cast
 
@@ -62,10 +64,32 @@ reordered = kernel(nogil=True, error_model="numpy", fastmath=True)
 def _numba() -> Any:
     """Return numba, told that a kernel within another stands for what is compiled of it."""
     import numba
+    from numba.core.registry import cpu_target
     from numba.extending import typeof_impl
+
+    with _without_blas():
+        cpu_target.typing_context.refresh()
+        cpu_target.target_context.refresh()
 
     @typeof_impl.register(Kernel)  # type: ignore[untyped-decorator]
     def _type_of(value: Kernel, _: Any) -> Any:
         return numba.types.Dispatcher(value.dispatcher)
 
     return numba
+
+
+@contextmanager
+def _without_blas() -> Iterator[None]:
+    """Let numba find no BLAS as it sets itself up: no kernel asks for one.
+
+    Looking for it imports scipy.linalg, which takes as long as setting up all the rest.
+    """
+    name = "scipy.linalg.cython_blas"
+    if name in sys.modules:
+        yield
+        return
+    sys.modules[name] = None  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        del sys.modules[name]

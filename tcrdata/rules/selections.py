@@ -40,6 +40,7 @@ class Selection:
         labels: positive labels that came out.
         ignored: labels left undecided.
         made: False when the same selection was there already.
+        followed: id of the selection whose tracked boxes it was offered; None without any.
     """
 
     selection_id: str
@@ -51,6 +52,7 @@ class Selection:
     labels: int
     ignored: int
     made: bool
+    followed: str | None = None
 
 
 def select(
@@ -112,7 +114,7 @@ def select(
     (row,) = store.read("selections", dataset=ANY_DATASET, sequence=chosen).to_pylist()
     return Selection(
         chosen, called, row["preset"], round, row["snapshot"], row["proposals_judged"],
-        row["labels"], row["ignored"], made,
+        row["labels"], row["ignored"], made, whom,
     )  # fmt: skip
 
 

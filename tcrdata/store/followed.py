@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.store.store import Store
 
 BOXES = "tracklet_boxes"
@@ -39,3 +40,30 @@ def newest_tracked(store: Store, preset: str, round: int) -> str | None:
     rows = store.read("selections", columns=["selection_id"], preset=preset, round=round)
     among = rows["selection_id"].to_pylist()
     return store.newest_selection(among=tracked_selections(store, (BOXES,)).intersection(among))
+
+
+def check_followed(store: Store, selection_id: str, preset: str, round: int) -> None:
+    """Check that a selection's added boxes are there, and those that a preset follows.
+
+    Args:
+        store: holds the selection.
+        selection_id: of it.
+        preset: name of the preset that it must be of.
+        round: EM round that it must be of.
+
+    Raises:
+        SettingsError: it is of another preset or round.
+        MissingEvidenceError: it was not tracked.
+    """
+    (row,) = store.read("selections", selection_id=selection_id).to_pylist()
+    called = f"selection {selection_id[:12]} '{row['name']}'"
+    if (row["preset"], row["round"]) != (preset, round):
+        raise SettingsError(
+            f"{called} is of preset {row['preset']} and round {row['round']}: name one of preset "
+            f"{preset} and round {round}, which are followed here"
+        )
+    if selection_id not in tracked_selections(store, (BOXES,)):
+        raise MissingEvidenceError(
+            f"the labels of {called} were not tracked: run tcrdata track --store {store.url} "
+            f"--selection {selection_id[:12]}"
+        )

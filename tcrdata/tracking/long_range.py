@@ -82,7 +82,8 @@ def sample(volume: Volume, points: Float32Array) -> FloatArray:
         result[outside] = _passable(
             volume.scene, points[outside].astype(np.float64), volume.margin_m
         )
-    return result
+    # The shares of eight voxels, rounded, may add up to more than 1.
+    return np.minimum(result, 1.0)
 
 
 def score_paths(paths: Float32Array, volumes: Sequence[Volume]) -> FloatArray:

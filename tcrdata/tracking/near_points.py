@@ -181,6 +181,17 @@ def unit_rows(features: FloatArray | Float32Array) -> Float32Array:
 
 
 @compiled
+def unit_directions(cosines: Float32Array, sines: Float32Array, first: float) -> Float32Array:
+    """Return (N, 3) rows (first, cosine, sine) scaled to length 1 in float64, as float32."""
+    result = np.empty((len(cosines), 3), np.float32)
+    for i in range(len(cosines)):
+        c, s = np.float64(cosines[i]), np.float64(sines[i])
+        length = np.sqrt(first * first + c * c + s * s)
+        result[i, 0], result[i, 1], result[i, 2] = first / length, c / length, s / length
+    return result
+
+
+@compiled
 def world_points(points: Float32Array, kept: BoolArray, matrix: Float32Array) -> Float32Array:
     """Return the kept ones of (N, 3) points, moved by the first rows of a (4, 4) matrix."""
     count = 0

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from tcrdata.tracking.near_points import unit_rows
+from tcrdata.tracking.near_points import unit_directions, unit_rows
 from tcrdata.types import Float32Array, ImageArray
 
 _HUE, _GREY = np.float32(1.2), np.float32(1.5)
+_OCCUPIED = 1.5
 
 
 def colour_features(image: ImageArray, pixels: np.ndarray) -> Float32Array:
@@ -24,7 +25,7 @@ def colour_features(image: ImageArray, pixels: np.ndarray) -> Float32Array:
 def reflectance_features(reflectance: Float32Array) -> Float32Array:
     """Return (N, 3) unit vectors: occupancy, and the reflectance as a direction."""
     angle = reflectance.astype(np.float32) * np.float32(np.pi)
-    return unit(np.column_stack([np.full(len(angle), 1.5), np.cos(angle), np.sin(angle)]))
+    return unit_directions(np.cos(angle), np.sin(angle), _OCCUPIED)
 
 
 def unit(features: np.ndarray) -> Float32Array:

@@ -167,6 +167,13 @@ def test_written_clips_are_left_alone_and_others_refused(folder: Path) -> None:
         next(generate(SMALL.replace("seed=3", "seed=4"), str(folder)).work)
 
 
+def test_a_folder_is_found_from_other_folders_too(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder.parent)
+    assert open_dataset(folder.name).info(CLIP).root == str(folder)
+
+
 def test_labels_touch_nothing_but_the_truth(copied: Path) -> None:
     cater = open_dataset(str(copied))
     before = (cater.info(CLIP), cater.frames(CLIP))

@@ -27,3 +27,15 @@ def test_importing_cues_loads_no_compiler() -> None:
     code = "import sys, tcrdata.evidence.tracks, tcrdata.datasets.kitti; print(*sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "numba" not in shown.stdout.split()
+
+
+def test_setting_up_the_compiler_loads_no_linear_algebra() -> None:
+    code = (
+        "import sys\n"
+        "from tcrdata.geometry import kernels\n"
+        "kernels._numba()\n"
+        "print('scipy.linalg' in sys.modules)\n"
+        "import scipy.linalg.cython_blas\n"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert shown.stdout == "False\n"

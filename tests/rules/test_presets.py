@@ -21,8 +21,9 @@ Write = Callable[[str, str], Path]
 def test_shipped_presets_load_together() -> None:
     assert preset_names() == [
         "detector", "detector_faint", "paper", "paper_ensemble", "release", "release_ensemble",
-        "tabletop", "tabletop_learned", "tabletop_moving", "tabletop_moving_learned", "tcrdata",
-        "tcrdata_learned", "tcrdata_learned_tracked", "tcrdata_static", "tcrdata_tracked",
+        "tabletop", "tabletop_learned", "tabletop_learned_tracked", "tabletop_moving",
+        "tabletop_moving_learned", "tabletop_tracked", "tcrdata", "tcrdata_learned",
+        "tcrdata_learned_tracked", "tcrdata_static", "tcrdata_tracked",
     ]  # fmt: skip
     presets = {preset.name: preset for preset in check_presets(preset_names())}
     assert presets["paper"].fill().parameters["max_cycle_error_m"] == "0.25"
@@ -38,6 +39,7 @@ def test_first_rounds_name_who_selects_after_them() -> None:
         "release": "release_ensemble",
         "tabletop": "tabletop_learned",
         "tabletop_moving": "tabletop_moving_learned",
+        "tabletop_tracked": "tabletop_learned",
         "tcrdata": "tcrdata_learned",
         "tcrdata_static": "tcrdata_learned",
         "tcrdata_tracked": "tcrdata_learned",
@@ -50,6 +52,8 @@ def test_first_rounds_name_who_selects_after_them() -> None:
 def test_who_takes_the_tracked_boxes_of_whose_labels(write_sql: Write) -> None:
     follows = {name: load_preset(name).follows for name in preset_names()}
     assert {name: whom for name, whom in follows.items() if whom} == {
+        "tabletop_tracked": "tabletop",
+        "tabletop_learned_tracked": "tabletop_learned",
         "tcrdata_tracked": "tcrdata",
         "tcrdata_learned_tracked": "tcrdata_learned",
     }

@@ -10,7 +10,7 @@ from scipy.optimize import linear_sum_assignment
 from tcrdata.geometry.boxes import points_in_box
 from tcrdata.tracking.assignment import cheapest
 from tcrdata.tracking.cell_points import cell_points, near, number_inside
-from tcrdata.tracking.near_points import blurred, unit_rows
+from tcrdata.tracking.near_points import blurred, unit_directions, unit_rows
 from tcrdata.tracking.templates import BLUR
 
 RANDOM = np.random.default_rng(5)
@@ -56,3 +56,10 @@ def test_the_cheapest_assignment_is_scipys() -> None:
         rows, columns = linear_sum_assignment(cost)
         kept = cost[rows, columns] < 1e3
         assert cheapest(cost) == (rows[kept].tolist(), columns[kept].tolist())
+
+
+def test_directions_have_the_length_of_rows_with_their_columns() -> None:
+    angles = RANDOM.uniform(0, np.pi, 200).astype(np.float32)
+    c, s = np.cos(angles), np.sin(angles)
+    expected = unit_rows(np.column_stack([np.full(len(angles), 1.5), c, s]))
+    np.testing.assert_array_equal(unit_directions(c, s, 1.5), expected)
