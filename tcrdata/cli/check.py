@@ -63,8 +63,8 @@ def check(
         printing.print_selection(chosen, store)
         if loaded.follows:
             console.say(printing.followed_line(chosen, loaded.follows, store))
-        where = shlex.quote(store)
-        console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {where}")
+    where = shlex.quote(store)
+    console.say(f"selected in {seconds:.2f} s; next: tcrdata evaluate --store {where}")
     return 0
 
 
