@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-import shlex
 import subprocess
 from pathlib import Path
 
 import pytest
 from forked_commands import forked_commands
 from kitti_tree import write_raw
+from readme_blocks import blocks
 
-from tcrdata.cli.app import app
 from tcrdata.rules import load_rules, preset_names
 from tcrdata.store import schemas
 
@@ -20,10 +19,6 @@ from tcrdata.store import schemas
 @pytest.fixture(scope="module")
 def readme(repository: Path) -> str:
     return (repository / "README.md").read_text(encoding="utf-8")
-
-
-def blocks(readme: str, language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", readme, flags=re.DOTALL)
 
 
 def test_every_command_runs(readme: str, tmp_path: Path) -> None:
@@ -45,17 +40,6 @@ def test_every_command_runs(readme: str, tmp_path: Path) -> None:
     assert "nothing to do" in result.stderr
     assert list((tmp_path / "labels" / "label_02").glob("*.txt"))
     assert len(list((tmp_path / "pictures").glob("*.png"))) >= 2
-
-
-def test_the_longer_commands_are_understood(readme: str) -> None:
-    """Trainings and what needs Blender: other tests run them on less."""
-    lines = [line for block in blocks(readme, "sh") for line in block.splitlines()]
-    commands = [shlex.split(line, comments=True)[1:] for line in lines if line[:8] == "tcrdata "]
-    assert len(commands) > 10
-    for tokens in commands:
-        command, bound, _ = app.parse_args(tokens)
-        assert callable(command), tokens
-        assert bound.arguments, tokens
 
 
 def test_make_demo_builds_scores_and_draws(repository: Path, tmp_path: Path) -> None:
