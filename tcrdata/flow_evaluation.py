@@ -62,13 +62,15 @@ def score_dataset(name: str, root: str, estimator: Estimator) -> Iterator[Scored
         DatasetError: it does not, or a frame cannot be read.
     """
     dataset = registry.find("datasets", name).open_dataset(root)
-    if not hasattr(dataset, "exact_flow"):
-        raise DatasetError(f"dataset {name} knows no exact flow: give a folder of pairs as --root")
     for sequence in dataset.sequences():
         for start, end in pairwise(dataset.frames(sequence)):
+            truth = _exact_flow(dataset, start, end)
+            if truth is None:
+                raise DatasetError(
+                    f"dataset {name} knows no exact flow: give a folder of pairs as --root"
+                )
             flow, back = estimator.both_ways(dataset.read_image(start), dataset.read_image(end))
             consistent = measure(flow, back).paper
-            truth = dataset.exact_flow(start, end)
             label = f"{start.frame} to {end.frame}"
             yield _scored(f"{name}/{sequence}", label, estimator.method, flow, consistent, truth)
 
@@ -99,10 +101,16 @@ def score_store(store: Store) -> Iterator[ScoredFlow]:
 
 
 def _scored_row(dataset: Dataset, start: Frame, end: Frame, stored: StoredFlow) -> ScoredFlow:
-    exact = getattr(dataset, "exact_flow", None)
-    truth = exact(start, end) if exact else None
+    truth = _exact_flow(dataset, start, end)
     group, label = f"{start.dataset}/{start.sequence}", f"{start.frame} to {end.frame}"
     return _scored(group, label, stored.method, stored.decode(), stored.passes("paper"), truth)
+
+
+def _exact_flow(dataset: Dataset, start: Frame, end: Frame) -> Float32Array | None:
+    """Return the true flow between two frames; None where the dataset does not know it."""
+    exact = getattr(dataset, "exact_flow", None)
+    flow: Float32Array | None = exact(start, end) if exact else None
+    return flow
 
 
 def _scored(

@@ -23,11 +23,19 @@ from tcrdata.datasets.cater_writer import Pictures, RayCaster, write_clips
 from tcrdata.datasets.depth_points import unprojected
 from tcrdata.datasets.scene import Scene, View
 from tcrdata.datasets.specs import format_spec, parse_spec
-from tcrdata.datasets.truth import truth_rows
+from tcrdata.datasets.truth import exact_flow, truth_rows
 from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.geometry.transforms import as_tuples, inverse
 from tcrdata.settings import overridden, unknown
-from tcrdata.types import FloatArray, Frame, Generation, ImageArray, PointCloud, SequenceInfo
+from tcrdata.types import (
+    Float32Array,
+    FloatArray,
+    Frame,
+    Generation,
+    ImageArray,
+    PointCloud,
+    SequenceInfo,
+)
 
 METRIC_SCALE = 0.35
 RENDERERS = ("raycast", "blender")
@@ -232,6 +240,19 @@ class Cater:
             for number in self.clips.numbers(clip, camera)
             for row in truth_rows(scene, view, number / rate, number)
         ]
+
+    def exact_flow(self, frame: Frame, frame_to: Frame) -> Float32Array | None:
+        """Return the true (H, W, 2) flow in pixels between two frames; None without labels.
+
+        This is truth, for scoring alone: no cue can reach it through the protocol. Surfaces are
+        followed even where they become hidden; of files it is NaN beside the objects.
+        """
+        clip, camera = self._parts(frame.sequence)
+        scene, view = self.clips.scene(clip), self.clips.view(clip, camera)
+        if scene is None:
+            return None
+        rate = self.clips.frames_per_second(clip)
+        return exact_flow(scene, view, frame.frame / rate, view, frame_to.frame / rate)
 
     def _frame(self, clip: str, camera: int, number: int) -> Frame:
         view = self.clips.view(clip, camera)

@@ -159,6 +159,20 @@ def test_written_clips_read_as_they_were_generated(folder: Path) -> None:
                 assert value == (expected[name] if value is None else pytest.approx(expected[name]))
 
 
+def test_the_exact_flow_of_files_is_that_of_the_generator(copied: Path) -> None:
+    made, disk = open_dataset(SMALL), open_dataset(str(copied))
+    start, end = made.frames(CLIP)[1:3]
+    flow, expected = disk.exact_flow(start, end), made.exact_flow(start, end)
+    assert flow is not None
+    assert expected is not None
+    known = np.isfinite(flow).all(axis=2)
+    np.testing.assert_allclose(flow[known], expected[known], atol=1e-3)
+    np.testing.assert_allclose(expected[~known], 0, atol=1e-9)  # files have no table
+    assert np.abs(flow[known]).max() > 0.1
+    (copied / "clip_0000" / "truth.json").unlink()
+    assert open_dataset(str(copied)).exact_flow(start, end) is None
+
+
 def test_written_clips_are_left_alone_and_others_refused(folder: Path) -> None:
     before = {path: path.stat().st_mtime_ns for path in folder.rglob("*.*")}
     assert sum(1 for _ in generate(SMALL, str(folder)).work) == 6
