@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -68,8 +69,9 @@ def print_build(
                 console.say(console.failure(outcome))
         console.say(f"{report.count('todo')} of {len(report.outcomes)} units to make")
         return
+    has_images = None if all(s.labels for s in report.selections) else _has_images(store_url)
     for selection in report.selections:
-        print_selection(selection, store_url)
+        print_selection(selection, store_url, has_images=has_images)
     made, failed = report.count("made"), report.count("failed")
     skipped = report.count("skipped")
     if not made and not failed:
@@ -79,7 +81,7 @@ def print_build(
             f"{len(sequences)} sequences: {made} units made, {report.count('done')} done before, "
             f"{failed} failed, {skipped} skipped, in {seconds:.1f} s"
         )
-    console.say(f"next: tcrdata status --store {store_url}")
+    console.say(f"next: tcrdata status --store {shlex.quote(store_url)}")
 
 
 def print_drifts(drifts: Sequence[Drift]) -> None:
@@ -100,8 +102,16 @@ def print_drifts(drifts: Sequence[Drift]) -> None:
             )
 
 
-def print_selection(selection: Selection, store_url: str) -> None:
-    """Print a selection as one line; of one without labels say how to find out why."""
+def print_selection(
+    selection: Selection, store_url: str, *, has_images: bool | None = None
+) -> None:
+    """Print a selection as one line; of one without labels say how to find out why.
+
+    Args:
+        selection: what to print.
+        store_url: where it lies.
+        has_images: whether a frame of the store has an image; looked up where it is asked, if None.
+    """
     of_round = f" of round {selection.round}" if selection.round > 1 else ""
     sys.stdout.write(
         f"selection {selection.selection_id[:12]} '{selection.name}'{of_round}: "
@@ -109,16 +119,17 @@ def print_selection(selection: Selection, store_url: str) -> None:
         f"and {selection.ignored:,} left undecided, from {selection.proposals_judged:,} proposals\n"
     )
     if not selection.labels:
-        why = f"tcrdata funnel --selection {selection.selection_id} --store {store_url}"
-        console.say(f"why '{selection.name}' has no label: {why}{_without_images(store_url)}")
+        where = f"--selection {selection.selection_id} --store {shlex.quote(store_url)}"
+        seen = _has_images(store_url) if has_images is None else has_images
+        blind = "" if seen else "; no frame has an image: what needs one abstains"
+        console.say(f"why '{selection.name}' has no label: tcrdata funnel {where}{blind}")
 
 
-def _without_images(store_url: str) -> str:
-    """What is to be said where no frame of a store has an image; else nothing."""
+def _has_images(store_url: str) -> bool:
+    """Whether a frame of a store has an image."""
     from tcrdata.store import open_store
 
-    has_image = open_store(store_url).read("frames", columns=["has_image"])["has_image"]
-    return "" if any(has_image.to_pylist()) else "; no frame has an image: what needs one abstains"
+    return any(open_store(store_url).read("frames", columns=["has_image"])["has_image"].to_pylist())
 
 
 def followed_line(selection: Selection, follows: str, store_url: str) -> str:
@@ -127,5 +138,5 @@ def followed_line(selection: Selection, follows: str, store_url: str) -> str:
         return f"with the boxes tracked from selection {selection.followed[:12]}"
     return (
         f"without tracked boxes: nothing of preset {follows} was tracked in round "
-        f"{selection.round}; run tcrdata track --store {store_url}"
+        f"{selection.round}; run tcrdata track --store {shlex.quote(store_url)}"
     )
