@@ -38,7 +38,7 @@ def evaluate_flow(
         root: folder of pairs with known flow (KITTI, FlyingChairs, Middlebury), found by looking;
             with --dataset the spec of a generated one.
         store: score the flow that a build left in this store instead.
-        dataset: demo or street: score consecutive frames against exact flow.
+        dataset: demo, cater or street: score consecutive frames against exact flow.
         flow: dis (the default) or raft.
         weights: file with the weights of RAFT.
         model: id of a flow model; the one in use when left out.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import shlex
 
 from tcrdata import console
 from tcrdata.cli.app import Flag, StoreUrl
@@ -34,9 +35,13 @@ def models(*, store: StoreUrl, kind: str | None = None, json: Flag = False) -> i
         console.print_json(rows)
         return 0
     console.print_table("models", SHOWN, [[row[name] for name in SHOWN] for row in rows])
+    where = shlex.quote(store)
     unfinished = [row["kind"] for row in rows if not row["finished"]]
     if unfinished:
-        console.say(f"next: tcrdata train {unfinished[0]} --store {store} --resume")
+        console.say(
+            f"next: tcrdata train {unfinished[0]} --store {where} --resume, with the options "
+            "that it began with"
+        )
     elif not rows:
-        console.say(f"no model yet; next: tcrdata train detector --store {store}")
+        console.say(f"no model yet; next: tcrdata train detector --store {where}")
     return 0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -50,14 +51,16 @@ def train(
         logs: folder for TensorBoard's event files; needs tcrdata[logs]; none when left out.
         json: print the model as JSON.
     """
-    from tcrdata.learning.runs import plan_recipe, run_training
     from tcrdata.store import open_store
-    from tcrdata.trainings import unheard_presets
 
-    values = read_toml(config) if config else {}
-    recipe = plan_recipe(kind, {**values, **parse_assignments(list(assignments))})
+    values = {**(read_toml(config) if config else {}), **parse_assignments(list(assignments))}
     opened = open_store(store)
     selection_id = selected(opened, selection)
+    # Loaded when it is known that there is something to train on.
+    from tcrdata.learning.runs import plan_recipe, run_training
+    from tcrdata.trainings import unheard_presets
+
+    recipe = plan_recipe(kind, values)
     if unheard := ", ".join(unheard_presets(opened, selection_id)):
         console.say(
             f"warning: what {unheard} takes was not measured when these labels were selected, so "
@@ -88,7 +91,7 @@ def train(
             f"{progress.positives:,} positive labels, {progress.step:,} steps, "
             f"last loss {progress.losses[-1]:.3f}, in {time.perf_counter() - started:.1f} s"
         )
-    console.say(f"next: tcrdata models --store {store}")
+    console.say(f"next: tcrdata models --store {shlex.quote(store)}")
     return 0
 
 

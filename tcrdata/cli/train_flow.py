@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -149,4 +150,4 @@ def _finish(store: Store, recipe: FlowRecipe, model: ModelIdentity, url: str, js
             f"error {row['teacher_photometric_error']:.4f} -> {row['photometric_error']:.4f}; "
             f"in use: {model.model_id if row['in_use'] else recipe.teacher}"
         )
-    console.say(f"next: tcrdata build ... --flow raft --store {url}")
+    console.say(f"next: tcrdata build ... --flow raft --store {shlex.quote(url)}")

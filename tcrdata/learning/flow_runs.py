@@ -30,6 +30,7 @@ from tcrdata.learning.flow_samples import (
 )
 from tcrdata.learning.frames import NEEDED, Frames, open_frames
 from tcrdata.learning.learner import Objective
+from tcrdata.learning.scene_pairs import SceneSettings
 from tcrdata.learning.stream import CountedSamples, Transform
 from tcrdata.learning.textured_planes import PlaneSettings
 from tcrdata.learning.training import LoopSettings, Report, train
@@ -49,10 +50,13 @@ KIND, NETWORK = "flow", "raft"
 SCRATCH_LOOP = LoopSettings(
     steps=1500, batch=1, learning_rate=4e-4, weight_decay=1e-4, clip=1.0, average=0.995
 )
-LARGER_LOOP = replace(SCRATCH_LOOP, steps=600, learning_rate=2e-4)
+LARGER_LOOP = replace(SCRATCH_LOOP, steps=800, learning_rate=2e-4)
 """Small pairs are cheap, but their coarsest correlations are hardly any: large ones teach those."""
 
 LARGER_PLANES = PlaneSettings(height_px=256, width_px=320, shift_px=4.0, still=0.3, plain=0.4)
+LARGER_SCENES = SceneSettings(share=0.5)
+"""Before a camera that stands hardly a pixel moves, and by nothing: that planes do not teach."""
+
 LARGER_ITERATIONS = 6
 TAUGHT_LOOP = LoopSettings(
     steps=200, batch=2, learning_rate=5e-5, weight_decay=1e-4, clip=1.0, checkpoint_steps=50
@@ -67,6 +71,7 @@ class FlowRecipe:
         network: of RAFT.
         loop: of the loop.
         planes: generated pairs; None when finetuned.
+        scenes: generated pairs that show a scene instead.
         pairs: what is cut of a store's pairs.
         losses: what counts of a store's pairs.
         known: what counts of generated ones.
@@ -79,6 +84,7 @@ class FlowRecipe:
     network: RaftSettings
     loop: LoopSettings
     planes: PlaneSettings | None
+    scenes: SceneSettings = field(default_factory=SceneSettings)
     pairs: PairSettings = field(default_factory=PairSettings)
     losses: FlowLossSettings = field(default_factory=FlowLossSettings)
     known: KnownLossSettings = field(default_factory=KnownLossSettings)
@@ -106,6 +112,9 @@ class FlowRecipe:
         if self.planes is not None:
             plain |= {"planes": settings.as_plain(self.planes)}
             plain |= {"known": settings.as_plain(self.known)}
+            # Scenes that are never drawn leave the numbers as they are.
+            if self.scenes.share > 0:
+                plain |= {"scenes": settings.as_plain(self.scenes)}
             plain |= {"start": self.start} if self.start else {}
         else:
             plain |= {
@@ -125,25 +134,28 @@ def plan_on_generated(
 
     Args:
         size: small or full; of a network from scratch.
-        assignments: of the loop (`steps`), `network.iterations`, `planes.shift_px` or
-            `known.matching`.
+        assignments: of the loop (`steps`), `network.iterations`, `planes.shift_px`,
+            `scenes.share` or `known.matching`.
         start: the row of `models` of the network that goes on learning, on larger pairs; None from
             scratch.
 
     Raises:
         SettingsError: an unknown name or value.
     """
-    grouped = _grouped(assignments, ("network", "planes", "known"))
+    grouped = _grouped(assignments, ("network", "planes", "scenes", "known"))
     if start is None:
         network = RaftSettings(size or "small", iterations=4)
         loop, planes, known = SCRATCH_LOOP, PlaneSettings(), KnownLossSettings()
+        scenes = SceneSettings()
     else:
         network = RaftSettings(start["settings"]["network"]["size"], LARGER_ITERATIONS)
         loop, planes, known = LARGER_LOOP, LARGER_PLANES, KnownLossSettings(matching=1.0)
+        scenes = LARGER_SCENES
     return FlowRecipe(
         settings.overridden(network, grouped["network"], "network"),
         settings.overridden(loop, grouped[""], "train"),
         settings.overridden(planes, grouped["planes"], "planes"),
+        settings.overridden(scenes, grouped["scenes"], "scenes"),
         known=settings.overridden(known, grouped["known"], "known"),
         start=str(start["model_id"]) if start else "",
     )
@@ -175,8 +187,8 @@ def plan_finetuning(
         settings.overridden(network, grouped["network"], "network"),
         settings.overridden(TAUGHT_LOOP, grouped[""], "train"),
         None,
-        settings.overridden(PairSettings(), grouped["pairs"], "pairs"),
-        settings.overridden(FlowLossSettings(), {**grouped["losses"], **weights}, "losses"),
+        pairs=settings.overridden(PairSettings(), grouped["pairs"], "pairs"),
+        losses=settings.overridden(FlowLossSettings(), {**grouped["losses"], **weights}, "losses"),
         parameters=grouped["query"],
         teacher=str(teacher["model_id"]),
     )
@@ -231,7 +243,7 @@ def _lessons(
     if recipe.planes is not None:
         return (
             GeneratedPairs(),
-            GeneratedSamples(recipe.planes),
+            GeneratedSamples(recipe.planes, recipe.scenes),
             partial(known_flow_losses, own=recipe.known),
         )
     pairs = StoredPairs(flow_frames(store, recipe, snapshot), LEARNT)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from tcrdata.errors import FrameError, SettingsError
 from tcrdata.evidence.flow_cycle import measure
 from tcrdata.evidence.flow_estimators import Estimator
+from tcrdata.learning.scene_pairs import SceneSettings, scene_pair
 from tcrdata.learning.stream import CountedSamples
 from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
 from tcrdata.networks.flow_losses import FlowLossSettings
@@ -44,13 +45,24 @@ class GeneratedSamples:
 
     Their flows are opposite: a step that sees all four cannot learn which way things happened to
     move in it, which is most of what the few motions of a small batch would say.
+
+    Attributes:
+        planes: how pairs of planes are drawn.
+        scenes: how many pairs show a scene instead, and which.
     """
 
     planes: PlaneSettings
+    scenes: SceneSettings = field(default_factory=SceneSettings)
 
     def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
         """Return `input` (4, 6, H, W) in [0, 1], `flow` (4, 2, H, W) px, `known` (4, 1, H, W)."""
-        pair = textured_planes(self.planes, rng)
+        # Without scenes the numbers drawn stay what they are without the setting.
+        scene = self.scenes.share > 0 and rng.random() < self.scenes.share
+        pair = (
+            scene_pair(self.scenes, self.planes, rng)
+            if scene
+            else textured_planes(self.planes, rng)
+        )
         images = np.concatenate([pair.first, pair.second], axis=2)
         known = pair.known[..., None].astype(np.float32)
         drawn: dict[str, list[Float32Array]] = {"input": [], "flow": [], "known": []}

@@ -87,7 +87,7 @@ def textured_planes(settings: PlaneSettings, rng: np.random.Generator) -> FlowPa
         second += later[..., 3:] * (later[..., :3] - second)
         on_top = shown[..., 3] > 0.5
         flow[on_top] = _homography_flow(moved, height, width)[on_top]
-    first, second = _photographed(first, second, settings, rng)
+    first, second = photographed(first, second, settings, rng)
     return FlowPair(first, second, flow, np.ones((height, width), bool))
 
 
@@ -195,10 +195,10 @@ def _outline(number: int, height: int, width: int, rng: np.random.Generator) -> 
     return outline
 
 
-def _photographed(
+def photographed(
     first: Float32Array, second: Float32Array, settings: PlaneSettings, rng: np.random.Generator
 ) -> tuple[Float32Array, Float32Array]:
-    """Both images with a light and a noise of their own."""
+    """Return both images, (H, W, 3) in [0, 1], with a light and a noise of their own."""
     found = []
     spread = rng.uniform(0, settings.noise)
     for image in (first, second):
