@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ import pytest
 from cli_runs import done, refused
 from store_files import digests
 
+from tcrdata.cli.track import track
 from tcrdata.datasets.demo import open_dataset
 from tcrdata.errors import EvidenceError, FrameError, SettingsError
 from tcrdata.rules.binding import EVIDENCE_TABLES
@@ -53,6 +55,21 @@ def test_labels_become_tracklets_with_and_without_the_library(tracked: Path) -> 
         assert len({(row["tracklet_id"], row["frame"]) for row in own}) == len(own)
         assert all(0 <= row["visible_share"] <= 1 for row in own)
     assert {row["frames"] for row in rows(tracked, "trajectories")} == {6}
+
+
+def test_what_was_not_begun_with_truth_has_no_overlap_over_time(tracked: Path) -> None:
+    said = done("evaluate", "tracking", "--store", tracked)
+    assert "no tracklet began with a true first box" in said.err
+    assert "--init-from truth" in said.err
+    assert "overlap after so many frames" not in said.out
+
+
+def test_the_settings_that_the_help_names_exist(built: Path) -> None:
+    named = re.findall(r"such as\s+(\S+=\d[\d.]*\d|\S+=\d)", str(track.__doc__))
+    assert len(named) == 2
+    store = open_store(str(built))
+    plan = plan_tracking(store, str(store.newest_selection()), assignments=parse_assignments(named))
+    assert plan.entries
 
 
 def test_tracking_again_does_nothing(tracked: Path) -> None:
@@ -111,6 +128,17 @@ def test_scores_and_pictures(tracked: Path, tmp_path: Path) -> None:
     ]
     text = done("evaluate", "tracking", "--store", store).out
     assert "from the first to the last frame" in text
+
+
+def test_labelled_objects_that_no_frame_shows_are_counted(built: Path, tmp_path: Path) -> None:
+    store = tmp_path / "unseen"
+    shutil.copytree(built, store)
+    objects = len({row["object_id"] for row in rows(store, "ground_truth")})
+    said = done("track", "--store", store, "--init-from", "truth", "--library", "off",
+                "--set", "least_truth_points=1000000", "--workers", 1)  # fmt: skip
+    assert f"{objects} of {objects} labelled objects are not tracked from truth" in said.err
+    assert not rows(store, "truth_tracklets")
+    assert "where one is in view" in refused("evaluate", "tracking", "--store", store)
 
 
 def test_tracklets_are_exported(tracked: Path, tmp_path: Path) -> None:
