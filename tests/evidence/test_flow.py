@@ -107,6 +107,15 @@ def test_an_image_that_cannot_be_read_is_one_error_of_its_own_frame() -> None:
     assert [row["frame"] for row in tables.rows["flows"]] == [2, 3]
 
 
+@pytest.mark.parametrize("shape", [(3, 5), (8, 100), (15, 40), (20, 7)])
+def test_an_image_smaller_than_dis_takes_has_flow(shape: tuple[int, int]) -> None:
+    height, width = shape
+    first, second = (textured(shift)[:height, :width] for shift in ((0, 0), (1, 0)))
+    for found in flow_estimators.Dis().both_ways(first, second):
+        assert found.shape == (*shape, 2)
+        assert np.isfinite(found).all()
+
+
 def test_an_unmeasured_pair_is_none(measured: MemoryTables) -> None:
     assert read_flow(measured, frame(0), frame(2)) is None
     assert read_flow(measured, frame(2), frame(3)) is None
