@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runs import done, refused
+from cli_runs import done, refused, run
 from store_files import digests
 
 from tcrdata.cli.track import track
 from tcrdata.datasets.demo import open_dataset
-from tcrdata.errors import EvidenceError, FrameError, SettingsError
+from tcrdata.errors import DatasetError, EvidenceError, FrameError, SettingsError
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.settings import parse_assignments
 from tcrdata.store import Store, open_store
@@ -243,6 +243,19 @@ def test_frames_that_cannot_be_read_any_more_are_told_and_none_at_all_is_an_erro
     assert told == [(1, "frame 1: gone"), (4, "frame 4: gone")]
     with pytest.raises(EvidenceError, match="none of 6 frames can be read: frame 5: gone"):
         scenes(set(range(6)))
+
+
+def test_where_every_sequence_fails_nothing_is_left_to_evaluate(
+    built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(*_: object) -> Any:
+        raise DatasetError("/clips: no such folder")
+
+    monkeypatch.setattr("tcrdata.track_runs._dataset", lost)
+    said = run("track", "--store", built, "--library", "off", "--workers", 1)
+    assert said.code == 1
+    assert "failed: demo/table_0000 tracklets" in said.err
+    assert "next:" not in said.err
 
 
 def test_what_cannot_be_tracked_is_said(built: Path, tmp_path: Path) -> None:

@@ -77,6 +77,8 @@ def track(
         )
     if start == "truth" and (left_out := starts_left_out(opened, plan.selection_id)):
         console.say(left_out)
+    if len(failed) == len(outcomes):
+        return 1
     console.say(
         f"next: tcrdata evaluate tracking --store {shlex.quote(store)} --selection "
         f"{plan.selection_id[:12]}"
