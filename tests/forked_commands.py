@@ -55,6 +55,29 @@ def forked_commands(folder: Path) -> Iterator[str]:
         server.wait()
 
 
+def run_forking(
+    arguments: list[str], commands: Path, cwd: Path, **environment: str
+) -> subprocess.CompletedProcess[str]:
+    """Run a program in which every `tcrdata` is a forked one, and return what it said.
+
+    Args:
+        arguments: the program's.
+        commands: folder for the command; made here.
+        cwd: where it runs.
+        environment: what it finds beside this process's own.
+    """
+    commands.mkdir()
+    with forked_commands(commands) as path:
+        return subprocess.run(
+            arguments,
+            cwd=cwd,
+            env={**os.environ, "PATH": path, **environment},
+            capture_output=True,
+            text=True,
+            timeout=500,
+        )
+
+
 def serve(listening: socket.socket) -> None:
     """Fork for each client; what is forked answers it and is over."""
     import importlib

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import subprocess
 from pathlib import Path
 
 import pytest
-from forked_commands import forked_commands
+from forked_commands import run_forking
 from kitti_tree import write_raw
 from readme_blocks import blocks
 
@@ -25,17 +24,9 @@ def test_every_command_runs(readme: str, tmp_path: Path) -> None:
     """In one shell that stops at the first failure, on a small generated KITTI drive."""
     write_raw(tmp_path / "kitti", frames=12)
     script = "set -euo pipefail\n" + "\n".join(blocks(readme, "bash"))
-    commands = tmp_path / "commands"
-    commands.mkdir()
-    with forked_commands(commands) as path:
-        result = subprocess.run(
-            ["bash", "-c", script],
-            cwd=tmp_path,
-            env={**os.environ, "PATH": path, "KITTI": str(tmp_path / "kitti")},
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
+    result = run_forking(
+        ["bash", "-c", script], tmp_path / "commands", tmp_path, KITTI=str(tmp_path / "kitti")
+    )
     assert result.returncode == 0, result.stderr
     assert "nothing to do" in result.stderr
     assert list((tmp_path / "labels" / "label_02").glob("*.txt"))
@@ -45,17 +36,9 @@ def test_every_command_runs(readme: str, tmp_path: Path) -> None:
 def test_make_demo_builds_scores_and_draws(repository: Path, tmp_path: Path) -> None:
     """All but the setup, on a few frames."""
     commands = tmp_path / "commands"
-    commands.mkdir()
     values = [f"BIN={commands}", f"DEMO={tmp_path / 'demo'}", "FRAMES=0-5"]
-    with forked_commands(commands) as path:
-        result = subprocess.run(
-            ["make", "--old-file=setup", "demo", *values],
-            cwd=repository,
-            env={**os.environ, "PATH": path},
-            capture_output=True,
-            text=True,
-            timeout=300,
-        )
+    make = ["make", "--old-file=setup", "demo", *values]
+    result = run_forking(make, commands, repository)
     assert result.returncode == 0, result.stderr
     assert "recall, all" in result.stdout
     assert f"next: {commands}/tcrdata sql" in result.stdout

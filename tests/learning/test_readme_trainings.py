@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
 from pathlib import Path
 
 import torch
-from forked_commands import forked_commands
+from forked_commands import run_forking
 from kitti_tree import write_raw
 from readme_blocks import blocks
 
@@ -43,18 +41,10 @@ def test_the_longer_commands_run_on_less(repository: Path, tmp_path: Path) -> No
     for much, less in LESS.items():
         assert much in script
         script = script.replace(much, less)
-    folder = tmp_path / "commands"
-    folder.mkdir()
     kitti = str(tmp_path / "kitti")
-    with forked_commands(folder) as path:
-        result = subprocess.run(
-            ["bash", "-c", script],
-            cwd=tmp_path,
-            env={**os.environ, "PATH": path, "KITTI": kitti, "KITTI_LATER": kitti},
-            capture_output=True,
-            text=True,
-            timeout=500,
-        )
+    result = run_forking(
+        ["bash", "-c", script], tmp_path / "commands", tmp_path, KITTI=kitti, KITTI_LATER=kitti
+    )
     assert result.returncode == 0, result.stderr
     assert len(commands) >= 13
     assert (tmp_path / "curves").is_dir()
