@@ -44,12 +44,13 @@ def models(*, store: StoreUrl, kind: str | None = None, json: Flag = False) -> i
         console.print_json(rows)
         return 0
     console.print_table("models", SHOWN, [[row[name] for name in SHOWN] for row in rows])
+    where = shlex.quote(store)
     unfinished = [row["kind"] for row in rows if not row["finished"]]
     if unfinished:
         console.say(
-            f"next: tcrdata train {unfinished[0]} --store {shlex.quote(store)} --resume, with the "
-            "settings that it began with"
+            f"next: tcrdata train {unfinished[0]} --store {where} --resume, with the options "
+            "that it began with"
         )
     elif not rows:
-        console.say(f"no model yet; next: tcrdata train detector --store {store}")
+        console.say(f"no model yet; next: tcrdata train detector --store {where}")
     return 0

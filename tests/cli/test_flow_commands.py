@@ -168,6 +168,13 @@ def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> N
     assert "no flow pair" in refused("evaluate", "flow", "--root", tmp_path)
     assert "unknown loss 'photo'" in refused("train", "flow", "--store", built, "--losses", "photo")
     assert "is RAFT small" in refused("train", "flow", "--store", built, "--size", "full")
+    (row,) = flow_rows(store := open_store(str(built)))
+    own = read_weights(store, str(row["model_id"]), AVERAGE)
+    torch.save({name: value + 1 for name, value in own.items()}, tmp_path / "other.pth")
+    assert "unknown setting" in refused(
+        "train", "flow", "--store", built, "--weights", tmp_path / "other.pth", "--set", "nope=1"
+    )
+    assert flow_rows(open_store(str(built))) == [row]
     for setting in ("steps=0", "batch=0", "learning_rate=nan", "warm_up=2"):
         assert f"train.{setting.split('=')[0]}: " in refused(
             "train", "flow", "--store", built, "--set", setting
