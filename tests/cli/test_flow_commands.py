@@ -112,7 +112,8 @@ def test_a_training_that_was_stopped_gives_the_same_losses(
         return whole(*arguments, **{**named, "report": report})
 
     monkeypatch.setattr(runs, "train_flow", stopped)
-    assert run("train", "flow", "--store", url, *STUDENT).code == 130
+    ended = run("train", "flow", "--store", url, *STUDENT)
+    assert (ended.code, ended.err) == (130, "tcrdata: stopped; what is done is kept\n")
     monkeypatch.undo()
     done("train", "flow", "--store", url, "--resume", *STUDENT)
     stores = [open_store(str(path)) for path in (taught, url)]
