@@ -67,7 +67,8 @@ def score_dataset(name: str, root: str, estimator: Estimator) -> Iterator[Scored
             truth = _exact_flow(dataset, start, end)
             if truth is None:
                 raise DatasetError(
-                    f"dataset {name} knows no exact flow: give a folder of pairs as --root"
+                    f"no exact flow is known of {name}/{sequence}: give a generated dataset, clips "
+                    "with their truth, or a folder of pairs as --root alone"
                 )
             flow, back = estimator.both_ways(dataset.read_image(start), dataset.read_image(end))
             consistent = measure(flow, back).paper

@@ -161,7 +161,8 @@ def _sequences(store: Store, selection_id: str, start: Start) -> tuple[tuple[str
     keys = sorted({(row["dataset"], row["sequence"]) for row in found.to_pylist()})
     if not keys:
         raise MissingEvidenceError(
-            "no sequence of this store has labelled objects to begin with"
+            "no sequence of this store has labelled objects to begin with: build with ground truth "
+            "beside the data, or leave --init-from out"
             if start == "truth"
             else f"selection {selection_id[:12]} has no label to track: loosen a rule with "
             "`tcrdata check`, or look at `tcrdata funnel`"

@@ -14,6 +14,28 @@ from tcrdata.tracked_scenes import SceneSource
 from tcrdata.types import BOX_COLUMNS, FloatArray
 
 
+def starts_left_out(store: Store, selection_id: str) -> str | None:
+    """Return in one line how many labelled objects no tracklet began with; None when none is.
+
+    Args:
+        store: holds the truth, and what was tracked from it.
+        selection_id: whose labels were candidates.
+    """
+    connection = store.connect(tables=("ground_truth", "truth_tracklets"))
+    try:
+        found = run_report(connection, "tracking_starts", {"selection_id": selection_id})
+        rows = found.fetchall()
+    finally:
+        connection.close()
+    begun, objects = rows[0] if rows else (0, 0)
+    if begun == objects:
+        return None
+    return (
+        f"{objects - begun} of {objects} labelled objects are not tracked from truth: no frame "
+        "shows enough of their points inside the view and the region of `evaluate`"
+    )
+
+
 def first_boxes(
     store: Store, source: SceneSource, dataset: str, sequence: str, least_points: int
 ) -> dict[int, list[tuple[str, FloatArray]]]:

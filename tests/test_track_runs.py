@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from pathlib import Path
 from typing import Any
 
 import pytest
-from cli_runs import done, refused
+from cli_runs import done, refused, run
 from store_files import digests
 
+from tcrdata.cli.track import track
 from tcrdata.datasets.demo import open_dataset
-from tcrdata.errors import EvidenceError, FrameError, SettingsError
+from tcrdata.errors import DatasetError, EvidenceError, FrameError, SettingsError
 from tcrdata.rules.binding import EVIDENCE_TABLES
 from tcrdata.settings import parse_assignments
 from tcrdata.store import Store, open_store
@@ -53,6 +55,21 @@ def test_labels_become_tracklets_with_and_without_the_library(tracked: Path) -> 
         assert len({(row["tracklet_id"], row["frame"]) for row in own}) == len(own)
         assert all(0 <= row["visible_share"] <= 1 for row in own)
     assert {row["frames"] for row in rows(tracked, "trajectories")} == {6}
+
+
+def test_what_was_not_begun_with_truth_has_no_overlap_over_time(tracked: Path) -> None:
+    said = done("evaluate", "tracking", "--store", tracked)
+    assert "no tracklet began with a true first box" in said.err
+    assert "--init-from truth" in said.err
+    assert "overlap after so many frames" not in said.out
+
+
+def test_the_settings_that_the_help_names_exist(built: Path) -> None:
+    named = re.findall(r"such as\s+(\S+=\d[\d.]*\d|\S+=\d)", str(track.__doc__))
+    assert len(named) == 2
+    store = open_store(str(built))
+    plan = plan_tracking(store, str(store.newest_selection()), assignments=parse_assignments(named))
+    assert plan.entries
 
 
 def test_tracking_again_does_nothing(tracked: Path) -> None:
@@ -111,6 +128,17 @@ def test_scores_and_pictures(tracked: Path, tmp_path: Path) -> None:
     ]
     text = done("evaluate", "tracking", "--store", store).out
     assert "from the first to the last frame" in text
+
+
+def test_labelled_objects_that_no_frame_shows_are_counted(built: Path, tmp_path: Path) -> None:
+    store = tmp_path / "unseen"
+    shutil.copytree(built, store)
+    objects = len({row["object_id"] for row in rows(store, "ground_truth")})
+    said = done("track", "--store", store, "--init-from", "truth", "--library", "off",
+                "--set", "least_truth_points=1000000", "--workers", 1)  # fmt: skip
+    assert f"{objects} of {objects} labelled objects are not tracked from truth" in said.err
+    assert not rows(store, "truth_tracklets")
+    assert "where one is in view" in refused("evaluate", "tracking", "--store", store)
 
 
 def test_tracklets_are_exported(tracked: Path, tmp_path: Path) -> None:
@@ -215,6 +243,19 @@ def test_frames_that_cannot_be_read_any_more_are_told_and_none_at_all_is_an_erro
     assert told == [(1, "frame 1: gone"), (4, "frame 4: gone")]
     with pytest.raises(EvidenceError, match="none of 6 frames can be read: frame 5: gone"):
         scenes(set(range(6)))
+
+
+def test_where_every_sequence_fails_nothing_is_left_to_evaluate(
+    built: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(*_: object) -> Any:
+        raise DatasetError("/clips: no such folder")
+
+    monkeypatch.setattr("tcrdata.track_runs._dataset", lost)
+    said = run("track", "--store", built, "--library", "off", "--workers", 1)
+    assert said.code == 1
+    assert "failed: demo/table_0000 tracklets" in said.err
+    assert "next:" not in said.err
 
 
 def test_what_cannot_be_tracked_is_said(built: Path, tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ app = App(
     help_format="plaintext",
     print_error=False,
     exit_on_error=False,
+    suppress_keyboard_interrupt=False,
     result_action="return_value",
 )
 # Named, not imported: a command waits for no module but its own, and the list of all for none.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from typing import TYPE_CHECKING
 
@@ -32,6 +33,7 @@ def evaluate_tracking(
     from tcrdata.evaluation.tracking_rows import store_tracking_metrics
     from tcrdata.evaluation.tracking_scores import TrackingSettings
     from tcrdata.store import open_store
+    from tcrdata.truth_starts import starts_left_out
 
     opened = open_store(store)
     chosen = tracked(opened, selection)
@@ -44,6 +46,14 @@ def evaluate_tracking(
 
         for path in draw_tracking(opened, chosen, result, out):
             console.say(f"drawn: {path}")
+    if not result.curves:
+        console.say(
+            "no overlap over time and nothing that came back: no tracklet began with a true first "
+            f"box; run `tcrdata track --store {shlex.quote(store)} --selection {chosen[:12]} "
+            "--init-from truth`, if any is in view"
+        )
+    elif left_out := starts_left_out(opened, chosen):
+        console.say(left_out)
     if json:
         console.print_json(result.to_json())
         return 0

@@ -10,27 +10,36 @@ from tcrdata.cli.app import Flag, StoreUrl
 
 SHOWN = (
     "model_id", "kind", "network", "labels", "seed", "samples", "step", "steps", "first_loss",
-    "last_loss",
+    "last_loss", "state",
 )  # fmt: skip
 
 
 def models(*, store: StoreUrl, kind: str | None = None, json: Flag = False) -> int:
     """Show what was trained: on which labels and snapshot, with which settings and losses.
 
+    The state of a flow network says whether it was promoted, and which one is in use.
+
     Args:
         store: folder or URL of the store.
         kind: detector, segmenter or flow; all when left out.
         json: print every model with its settings as JSON.
     """
+    from tcrdata.flow_models import flow_models
     from tcrdata.reports import run_report
     from tcrdata.store import open_store
 
-    connection = open_store(store).connect(tables=("models", "selections"))
+    opened = open_store(store)
+    connection = opened.connect(tables=("models", "selections"))
     relation = run_report(connection, "models", {"trained_kind": kind})
     names = relation.columns
     rows = [dict(zip(names, row, strict=True)) for row in relation.fetchall()]
     for row in rows:
         row["settings"] = json_text.loads(row["settings"])
+        row["state"] = "finished" if row["finished"] else "unfinished"
+    flows = {row["model_id"]: row for row in flow_models(opened)}
+    for row in rows:
+        if row["finished"] and (found := flows.get(row["model_id"])):
+            row["state"] = f"{found['state']}, in use" if found["in_use"] else found["state"]
     if json:
         console.print_json(rows)
         return 0

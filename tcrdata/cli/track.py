@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from typing import Annotated, Literal
 
@@ -35,13 +36,14 @@ def track(
         library: whether what is out of sight goes on along the paths of others.
         start: labels, or for evaluation alone the true first box of each object.
         workers: worker processes; the machine's cores when left out.
-        assignments: NAME=VALUE of a setting, such as gates.gate_m=1, or of the rule that lets paths
-            into the library, such as library_entries.min_passable=0.95.
+        assignments: NAME=VALUE of a setting, such as gates.link_gate_m=2, or of the rule that lets
+            paths into the library, such as library_entries.min_passable=0.95.
         json: print what was done as JSON.
     """
     from tcrdata.store import open_store
     from tcrdata.track_plans import plan_tracking, units_of
     from tcrdata.track_runs import track as run
+    from tcrdata.truth_starts import starts_left_out
 
     count = workers if workers is not None else default_workers()
     if count < 1:
@@ -73,5 +75,12 @@ def track(
             f"{len(outcomes) - made - len(failed)} done before, {len(failed)} failed, "
             f"in {time.perf_counter() - began:.1f} s"
         )
-    console.say(f"next: tcrdata evaluate tracking --store {store}")
+    if start == "truth" and (left_out := starts_left_out(opened, plan.selection_id)):
+        console.say(left_out)
+    if len(failed) == len(outcomes):
+        return 1
+    console.say(
+        f"next: tcrdata evaluate tracking --store {shlex.quote(store)} --selection "
+        f"{plan.selection_id[:12]}"
+    )
     return 1 if failed else 0

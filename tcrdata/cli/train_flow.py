@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from tcrdata import console
 from tcrdata.cli.app import Assignments, Flag, StoreUrl, listed
 from tcrdata.cli.train import training_progress
-from tcrdata.errors import SettingsError
+from tcrdata.errors import MissingEvidenceError, SettingsError
 from tcrdata.settings import parse_assignments, read_toml
 
 if TYPE_CHECKING:
@@ -69,6 +69,7 @@ def train_flow(
     opened = open_store(store, create=not named)
     start = None if from_scratch else _start(opened, weights, model, model_store, size)
     recipe = _recipe(start, size, losses, values, generated=generated)
+    _bring(opened, weights, model, model_store, size)
     started = time.perf_counter()
     with training_progress(recipe.loop.steps, logs) as report:
         made, progress = run(opened, recipe, resume=resume, device=device, report=report)
@@ -111,22 +112,37 @@ def _start(
     store: Store, weights: str | None, model: str | None, model_store: str | None, size: str | None
 ) -> dict[str, Any] | None:
     """Return the model to go on with; None when the store has none and none is named."""
-    from tcrdata.flow_models import copy_model, flow_model, import_weights
+    from tcrdata.flow_models import file_identity, flow_model
     from tcrdata.store import open_store
 
     if weights and (model or model_store):
         raise SettingsError("--weights and --model name two networks: give one")
     if weights:
-        model = import_weights(store, weights, size)
-    elif model_store:
-        model = copy_model(open_store(model_store), store, model)
-    row = flow_model(store, model)
+        found = file_identity(weights, size)[0]
+        return {"model_id": found.model_id, "settings": found.settings}
+    source = open_store(model_store) if model_store else store
+    row = flow_model(source, model)
+    if row is None and model_store:
+        raise MissingEvidenceError(f"{source.url}: no flow network: see `tcrdata models`")
     if row is not None and size not in (None, row["settings"]["network"]["size"]):
         raise SettingsError(
             f"--size {size}: model {row['model_id']} is RAFT {row['settings']['network']['size']}; "
             "leave --size out, or add --from-scratch"
         )
     return row
+
+
+def _bring(
+    store: Store, weights: str | None, model: str | None, model_store: str | None, size: str | None
+) -> None:
+    """Put the network to go on with into the store: what is refused before leaves it as it was."""
+    from tcrdata.flow_models import copy_model, import_weights
+    from tcrdata.store import open_store
+
+    if weights:
+        import_weights(store, weights, size)
+    elif model_store:
+        copy_model(open_store(model_store), store, model)
 
 
 def _finish(store: Store, recipe: FlowRecipe, model: ModelIdentity, url: str, json: bool) -> None:

@@ -254,7 +254,7 @@ def _fault(path: Path, camera: Camera) -> str | None:
     try:
         size = png_size(path)
     except FrameError as error:
-        return str(error)
+        return f"{path.parent.name} {error}"
     if size != (camera.width_px, camera.height_px):
         return f"{path.parent.name} image {path.name} is {size[0]}x{size[1]}, unlike its camera"
     return None

@@ -116,7 +116,9 @@ def read_ppm(path: Path) -> ImageArray:
         )
     wanted = header.end() + 3 * width * height
     if len(data) < wanted:
-        raise DatasetError(f"{path}: {len(data)} bytes, not {wanted} for {width}x{height}")
+        raise DatasetError(
+            f"{path}: {len(data)} bytes, not {wanted} for {width}x{height}: fetch it again"
+        )
     pixels = np.frombuffer(data, np.uint8, 3 * width * height, header.end())
     return pixels.reshape(height, width, 3)
 

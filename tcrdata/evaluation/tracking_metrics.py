@@ -65,7 +65,7 @@ def evaluate_tracking(
         raise MissingEvidenceError(
             f"nothing of selection {selection_id[:12]} was tracked yet: run `tcrdata track "
             f"--selection {selection_id[:12]}`, with `--init-from truth` for the overlap from a "
-            "true first box"
+            "true first box, where one is in view"
         )
     return TrackingEvaluation(
         describe_tracking(own),
@@ -101,7 +101,10 @@ def read_sequences(store: Store, selection_id: str) -> Iterator[SequenceSeries]:
     try:
         keys = run_report(connection, "tracking_sequences").fetchall()
         if not keys:
-            raise MissingEvidenceError("no sequence of this store has labelled objects")
+            raise MissingEvidenceError(
+                "no sequence of this store has labelled objects to score with: build with ground "
+                "truth beside the data"
+            )
         for dataset, sequence in keys:
             parameters = {
                 "selection_id": selection_id,

@@ -17,6 +17,9 @@ from tcrdata.types import Float32Array, ImageArray
 
 METHODS = ("dis", "raft")
 
+_LEAST_DIS_PX = 16
+"""OpenCV's DIS fails, or ends the process, on images of fewer rows."""
+
 
 class Estimator(Protocol):
     """Picklable, so that workers get it whole."""
@@ -87,11 +90,19 @@ class Raft:
 
 
 def dis_flow(gray_from: ImageArray, gray_to: ImageArray) -> Float32Array:
-    """Return the (H, W, 2) flow in pixels between two (H, W) grey images, DIS preset MEDIUM."""
+    """Return the (H, W, 2) flow in pixels between two (H, W) grey images, DIS preset MEDIUM.
+
+    What is smaller than DIS can take has its edges repeated below and right.
+    """
     import cv2
 
+    height, width = gray_from.shape
+    missing = ((0, max(0, _LEAST_DIS_PX - height)), (0, max(0, _LEAST_DIS_PX - width)))
+    if any(after for _, after in missing):
+        gray_from, gray_to = (np.pad(gray, missing, mode="edge") for gray in (gray_from, gray_to))
     estimator = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    return np.asarray(estimator.calc(gray_from, gray_to, None), dtype=np.float32)
+    flow = np.asarray(estimator.calc(gray_from, gray_to, None), dtype=np.float32)
+    return np.ascontiguousarray(flow[:height, :width])
 
 
 @lru_cache(maxsize=2)

@@ -83,9 +83,10 @@ def chosen_model(tables: Tables | Store, choice: ModelChoice) -> dict[str, Any]:
     rows = [row for row in _read(tables, choice, "models", COLUMNS) if _fits(row, choice)]
     what = f"{choice.kind} '{choice.model}'" if choice.model else choice.kind
     if not rows:
+        taught = "" if choice.kind == "flow" else " on the labels of the round before"
         raise EvidenceError(
-            f"no trained {what} for round {choice.round}: run `tcrdata train {choice.kind}` on the "
-            "labels of the round before, or name a model that `tcrdata models` lists"
+            f"no trained {what} for round {choice.round}: run `tcrdata train {choice.kind}`{taught}"
+            ", or name a model that `tcrdata models` lists"
         )
     newest = max(row["labels_round"] for row in rows)
     last = [row for row in rows if row["labels_round"] == newest]

@@ -219,8 +219,10 @@ def open_frames(
     # The file goes with the object, wherever its copies in other processes are.
     weakref.finalize(frames, folder.cleanup)
     if not len(frames):
+        read = ", ".join(loaded.reads)
+        lacking = "positive labels" if "labels" in loaded.text else f"frames with {read}"
         raise MissingEvidenceError(
-            f"{loaded.name} gives no frame of {store.url} ({described}): no positive labels? "
+            f"{loaded.name} gives no frame of {store.url} ({described}): no {lacking}? "
             "see `tcrdata status`"
         )
     return frames

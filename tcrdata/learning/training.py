@@ -13,12 +13,17 @@ import numpy as np
 import torch
 from torch.utils.data import DataLoader
 
-from tcrdata.errors import TrainingError
+from tcrdata.errors import SettingsError, TrainingError
 from tcrdata.learning.checkpoints import ModelIdentity, Progress, save_checkpoint
 from tcrdata.learning.devices import Place
 from tcrdata.learning.learner import Batch, Learner, LearnerSettings, Objective
 from tcrdata.learning.stream import CountedSamples, FrameStream, Transform
 from tcrdata.store import Store
+
+_LEAST = {
+    "steps": 1, "batch": 1, "checkpoint_steps": 1, "threads": 1, "workers": 0, "learning_rate": 0,
+    "weight_decay": 0, "clip": 0,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -40,6 +45,19 @@ class LoopSettings(LearnerSettings):
     checkpoint_steps: int = 100
     workers: int = 1
     threads: int = 1
+
+    def __post_init__(self) -> None:
+        """Refuse what no step can be made with.
+
+        Raises:
+            SettingsError: no step, batch, checkpoint or thread, or a number that is none.
+        """
+        for name, least in _LEAST.items():
+            if not least <= getattr(self, name) < math.inf:
+                raise SettingsError(f"train.{name}: at least {least}, and finite")
+        for name in ("warm_up", "average"):
+            if not 0 <= getattr(self, name) <= 1:
+                raise SettingsError(f"train.{name}: a share from 0 to 1")
 
 
 @dataclass(frozen=True)

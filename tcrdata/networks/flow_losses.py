@@ -5,6 +5,7 @@ All sum over the iterations of RAFT, a later one counting more: `sum_k decay^(K 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -53,6 +54,9 @@ class FlowLossSettings:
                 f"losses.exponent {self.exponent:g} and losses.epsilon {self.epsilon:g}: the "
                 "penalty needs both above 0"
             )
+        for name in (*SELF_SUPERVISED, "smoothness"):
+            if not 0 <= getattr(self, name) < math.inf:
+                raise SettingsError(f"losses.{name}: a weight of 0 or more is needed")
         if not any(getattr(self, name) > 0 for name in SELF_SUPERVISED):
             raise SettingsError(f"no loss is left: give one of {', '.join(SELF_SUPERVISED)}")
 

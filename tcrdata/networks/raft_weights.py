@@ -32,8 +32,8 @@ def read_raft_weights(path: str, size: str | None = None) -> tuple[str, dict[str
         size: what is wanted, small or full; None for whichever the file holds.
 
     Raises:
-        SettingsError: no such file, no state dict, a weight that is missing, foreign or of another
-            shape (named), or weights of the other size.
+        SettingsError: no such file, no state dict, a weight that is missing, foreign, of another
+            shape or not finite (named), or weights of the other size.
     """
     try:
         state = torch.load(path, map_location="cpu", weights_only=True)
@@ -45,7 +45,10 @@ def read_raft_weights(path: str, size: str | None = None) -> tuple[str, dict[str
             "saved with torch.save"
         ) from error
     if not _is_state_dict(state):
-        raise SettingsError(f"--weights {path}: holds a {type(state).__name__}, not a state dict")
+        raise SettingsError(
+            f"--weights {path}: holds a {type(state).__name__}, not a state dict: save the "
+            "network's state_dict() alone"
+        )
     if state and all(name.startswith(_PARALLEL) for name in state):
         state = {name.removeprefix(_PARALLEL): value for name, value in state.items()}
     found = _nearest_size(state)
@@ -90,6 +93,9 @@ def _check(path: str, size: str, state: Mapping[str, torch.Tensor]) -> None:
         "has what is not in": sorted(state.keys() - wanted.keys()),
         "has other shapes than": sorted(
             name for name in wanted.keys() & state.keys() if wanted[name] != state[name].shape
+        ),
+        "has numbers that are not finite for": sorted(
+            name for name, value in state.items() if not torch.isfinite(value).all()
         ),
     }
     for what, names in problems.items():

@@ -87,6 +87,10 @@ def test_a_finetuned_network_is_checked_and_its_teacher_stays(taught: Path) -> N
     student = next(row for row in listed.values() if "teacher" in row["settings"])
     assert student["settings"]["teacher"] in listed
     assert student["samples"] == 2
+    states = {row["model_id"]: row["state"] for row in listed.values()}
+    used = flow_model(store)["model_id"]
+    assert {name for name, state in states.items() if state.endswith(", in use")} == {used}
+    assert states[student["model_id"]].split(",")[0] in ("promoted", "rejected")
     (events,) = taught.with_name("logs").iterdir()
     assert ".tfevents." in events.name
 
@@ -108,7 +112,8 @@ def test_a_training_that_was_stopped_gives_the_same_losses(
         return whole(*arguments, **{**named, "report": report})
 
     monkeypatch.setattr(runs, "train_flow", stopped)
-    assert run("train", "flow", "--store", url, *STUDENT).code == 130
+    ended = run("train", "flow", "--store", url, *STUDENT)
+    assert (ended.code, ended.err) == (130, "tcrdata: stopped; what is done is kept\n")
     monkeypatch.undo()
     done("train", "flow", "--store", url, "--resume", *STUDENT)
     stores = [open_store(str(path)) for path in (taught, url)]
@@ -164,6 +169,21 @@ def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> N
     assert "no flow pair" in refused("evaluate", "flow", "--root", tmp_path)
     assert "unknown loss 'photo'" in refused("train", "flow", "--store", built, "--losses", "photo")
     assert "is RAFT small" in refused("train", "flow", "--store", built, "--size", "full")
+    (row,) = flow_rows(store := open_store(str(built)))
+    own = read_weights(store, str(row["model_id"]), AVERAGE)
+    torch.save({name: value + 1 for name, value in own.items()}, tmp_path / "other.pth")
+    assert "unknown setting" in refused(
+        "train", "flow", "--store", built, "--weights", tmp_path / "other.pth", "--set", "nope=1"
+    )
+    assert flow_rows(open_store(str(built))) == [row]
+    for setting in ("steps=0", "batch=0", "learning_rate=nan", "warm_up=2"):
+        assert f"train.{setting.split('=')[0]}: " in refused(
+            "train", "flow", "--store", built, "--set", setting
+        )
+    (tmp_path / "void").mkdir()
+    shutil.copytree(built, tmp_path / "void", dirs_exist_ok=True)
+    shutil.rmtree(tmp_path / "void" / "commits" / "demo")
+    assert "no frames with image?" in refused("train", "flow", "--store", tmp_path / "void")
     assert "finetunes" in refused(
         "train", "flow", "--store", tmp_path / "empty", "--losses", "teacher"
     )

@@ -220,6 +220,15 @@ def test_pixels_that_are_not_as_they_were_written_are_an_error(copied: Path) -> 
         cater.read_points(cater.frames(CLIP)[1])
 
 
+def test_which_image_is_cut_short_is_said(copied: Path) -> None:
+    for kind, number in (("depth", 0), ("rgb", 1)):
+        path = copied / "clip_0000" / "camera_0" / kind / f"{number:06d}.png"
+        path.write_bytes(path.read_bytes()[:500])
+    first, second, _ = open_dataset(str(copied)).frames(CLIP)
+    assert str(first.error).startswith("depth image 000000.png is cut short")
+    assert str(second.image_error).startswith("rgb image 000001.png is cut short")
+
+
 def test_an_image_of_another_size_is_an_error(copied: Path) -> None:
     path = copied / "clip_0000" / "camera_0" / "depth" / "000001.png"
     Image.fromarray(np.ones((120, 160), np.uint16)).save(path)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plane_world import ArrayDataset, MemoryTables, cue_input, frame, without_image
 
-from tcrdata.errors import FrameError
+from tcrdata.errors import EvidenceError, FrameError
 from tcrdata.evidence import flow, flow_estimators
 from tcrdata.evidence.flow_cycle import PAPER_BIT, RELEASE_BIT
 from tcrdata.evidence.stored_flow import image_pairs, read_flow
@@ -105,6 +105,22 @@ def test_an_image_that_cannot_be_read_is_one_error_of_its_own_frame() -> None:
     tables.add(flow.run(cue_input(dataset, tables, flow.Settings(), frames)))
     assert tables.rows["errors"] == [{"frame": 1, "error": "frame 1: image is cut short"}]
     assert [row["frame"] for row in tables.rows["flows"]] == [2, 3]
+
+
+@pytest.mark.parametrize("shape", [(3, 5), (8, 100), (15, 40), (20, 7)])
+def test_an_image_smaller_than_dis_takes_has_flow(shape: tuple[int, int]) -> None:
+    height, width = shape
+    first, second = (textured(shift)[:height, :width] for shift in ((0, 0), (1, 0)))
+    for found in flow_estimators.Dis().both_ways(first, second):
+        assert found.shape == (*shape, 2)
+        assert np.isfinite(found).all()
+
+
+def test_a_network_that_is_not_named_is_asked_for_without_labels() -> None:
+    tables = MemoryTables()
+    settings = flow.Settings(method="raft")
+    with pytest.raises(EvidenceError, match=r"run `tcrdata train flow`, or name a model"):
+        list(flow.run(cue_input(ArrayDataset({}), tables, settings, [frame(0), frame(1)])))
 
 
 def test_an_unmeasured_pair_is_none(measured: MemoryTables) -> None:

@@ -138,6 +138,8 @@ def test_no_loss_at_all_is_refused() -> None:
         FlowLossSettings(photometric=0, teacher=0, occlusion=0)
     with pytest.raises(SettingsError, match="epsilon 0: the penalty needs both above 0"):
         FlowLossSettings(epsilon=0)
+    with pytest.raises(SettingsError, match=r"losses\.teacher: a weight of 0 or more"):
+        FlowLossSettings(teacher=-1)
 
 
 def test_known_flow_counts_later_iterations_more() -> None:

@@ -105,6 +105,9 @@ def test_a_file_that_does_not_fit_is_refused_by_name(tmp_path: Path) -> None:
     other = {**state, "fnet.conv2.bias": torch.zeros(7)}
     with pytest.raises(SettingsError, match=r"other shapes than RAFT small: fnet\.conv2\.bias"):
         read_raft_weights(saved(tmp_path, other))
+    odd = {**state, "fnet.conv2.bias": state["fnet.conv2.bias"] * torch.nan}
+    with pytest.raises(SettingsError, match=r"not finite for RAFT small: fnet\.conv2\.bias"):
+        read_raft_weights(saved(tmp_path, odd))
     with pytest.raises(SettingsError, match="weights of RAFT small, not full: give --size small"):
         read_raft_weights(saved(tmp_path, state), "full")
 
@@ -119,6 +122,8 @@ def test_what_is_no_file_of_weights_is_refused(tmp_path: Path) -> None:
         read_raft_weights(saved(tmp_path, [1, 2]))
     with pytest.raises(SettingsError, match="holds a dict, not a state dict"):
         read_raft_weights(saved(tmp_path, {0: torch.zeros(1)}))
+    with pytest.raises(SettingsError, match=r"save the network's state_dict\(\) alone"):
+        read_raft_weights(saved(tmp_path, {"state_dict": published_state("small"), "epoch": 3}))
     with pytest.raises(SettingsError, match=r"network\.size: 'medium' is none of small, full"):
         Settings(size="medium")
 
