@@ -33,11 +33,10 @@ def models(*, store: StoreUrl, kind: str | None = None, json: Flag = False) -> i
     relation = run_report(connection, "models", {"trained_kind": kind})
     names = relation.columns
     rows = [dict(zip(names, row, strict=True)) for row in relation.fetchall()]
+    flows = {row["model_id"]: row for row in flow_models(opened)}
     for row in rows:
         row["settings"] = json_text.loads(row["settings"])
         row["state"] = "finished" if row["finished"] else "unfinished"
-    flows = {row["model_id"]: row for row in flow_models(opened)}
-    for row in rows:
         if row["finished"] and (found := flows.get(row["model_id"])):
             row["state"] = f"{found['state']}, in use" if found["in_use"] else found["state"]
     if json:

@@ -11,7 +11,7 @@ import numpy as np
 from tcrdata.errors import FrameError, SettingsError
 from tcrdata.evidence.flow_cycle import measure
 from tcrdata.evidence.flow_estimators import Estimator
-from tcrdata.learning.scene_pairs import SceneSettings, scene_pair
+from tcrdata.learning.scene_pairs import SceneSettings, scene_pair, unit_colours
 from tcrdata.learning.stream import CountedSamples
 from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
 from tcrdata.networks.flow_losses import FlowLossSettings
@@ -172,7 +172,7 @@ class TaughtSamples:
         flows = self.teacher.both_ways(first[window], second[window])
         trusted = [self._trusted(flows[i], flows[1 - i])[piece] for i in (0, 1)]
         taught = [flow[piece] for flow in flows]
-        images = [_unit(image[window][piece]) for image in (first, second)]
+        images = [unit_colours(image[window][piece]) for image in (first, second)]
         covers = [np.zeros(images[0].shape[:2], bool) for _ in range(2)]
         if self.losses.occlusion > 0:
             covers[int(rng.integers(2))] = _boxes(images[0].shape, own, rng)
@@ -249,11 +249,6 @@ def _at_end(cover: BoolArray, flow: Float32Array) -> BoolArray:
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     ends: BoolArray = inside & cover[y.clip(0, height - 1), x.clip(0, width - 1)]
     return ends
-
-
-def _unit(image: ImageArray) -> Float32Array:
-    """Colours in [0, 1]."""
-    return np.asarray(image / np.float32(255), dtype=np.float32)
 
 
 def _upright(image: Float32Array) -> Float32Array:

@@ -82,7 +82,7 @@ def scene_pair(own: SceneSettings, planes: PlaneSettings, rng: np.random.Generat
     known = np.hypot(flow[..., 0], flow[..., 1]) <= planes.width_px / 2
     flow = np.where(known[..., None], flow, np.float32(0))
     piece = _piece(flow, own, planes, rng)
-    here, there = (_unit(dataset.read_image(frame)[piece]) for frame in (first, second))
+    here, there = (unit_colours(dataset.read_image(frame)[piece]) for frame in (first, second))
     return FlowPair(*photographed(here, there, planes, rng), flow[piece], known[piece])
 
 
@@ -103,5 +103,6 @@ def _piece(
     return cut[0], cut[1]
 
 
-def _unit(image: ImageArray) -> Float32Array:
+def unit_colours(image: ImageArray) -> Float32Array:
+    """Return (H, W, 3) colours in [0, 1] of an image of bytes."""
     return np.asarray(image / np.float32(255), dtype=np.float32)

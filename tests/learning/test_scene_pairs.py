@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 
-from tcrdata.errors import SettingsError
+from tcrdata import registry
+from tcrdata.errors import DatasetError, SettingsError
 from tcrdata.learning.flow_runs import plan_on_generated
 from tcrdata.learning.flow_samples import GeneratedSamples
 from tcrdata.learning.scene_pairs import FIRST_SEED, ROOTS, SceneSettings, scene_pair
@@ -58,10 +60,22 @@ def test_the_same_numbers_draw_the_same_pair() -> None:
         np.testing.assert_array_equal(one, other)
 
 
-def test_scenes_of_low_seeds_are_left_to_those_who_score() -> None:
+def test_scenes_of_low_seeds_are_left_to_those_who_score(monkeypatch: pytest.MonkeyPatch) -> None:
     for root in ROOTS.values():
         name = root.format(seed=FIRST_SEED, frames=2, speed=1.0)
         assert int(re.findall(r"seed=(\d+)", name)[0]) == FIRST_SEED > 100
+    drawn: list[int] = []
+
+    def opened(root: str) -> None:
+        drawn.append(int(re.findall(r"seed=(\d+)", root)[0]))
+        raise DatasetError("named is enough")
+
+    monkeypatch.setattr(registry, "find", lambda *_: SimpleNamespace(open_dataset=opened))
+    for seed in range(20):
+        with pytest.raises(DatasetError):
+            scene_pair(SceneSettings(), CLEAN, np.random.default_rng(seed))
+    assert len(set(drawn)) == 20
+    assert min(drawn) >= FIRST_SEED
 
 
 def test_without_scenes_planes_are_drawn_as_before() -> None:
