@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tcrdata.errors import MissingEvidenceError, SettingsError
@@ -183,7 +184,11 @@ def flow_assignments(
 
 
 def named_estimator(
-    flow: str, weights: str | None, model: str | None, store_url: str | None, iterations: int
+    flow: str,
+    weights: str | None,
+    model: str | None,
+    store_url: str | None,
+    iterations: int | None = None,
 ) -> Estimator:
     """Return an estimator outside of any build.
 
@@ -192,26 +197,28 @@ def named_estimator(
         weights: file of RAFT's weights.
         model: id of a model; the one in use when neither is given.
         store_url: holds the model.
-        iterations: RAFT's.
+        iterations: RAFT's; None for as many as a build makes.
 
     Raises:
-        SettingsError: nothing names the network, or more than one thing does.
+        SettingsError: nothing names the network, or more than one thing does; iterations of DIS.
         TcrdataError: it is not there.
     """
     from tcrdata.evidence.flow import Settings, chosen_estimator
     from tcrdata.evidence.flow_estimators import Dis, Raft
 
+    if flow == "dis" and iterations is not None:
+        raise SettingsError("--iterations is for --flow raft")
+    own = Settings("raft") if iterations is None else Settings("raft", iterations=iterations)
     if weights and flow == "raft" and not model:
         from tcrdata.networks.trained import to_bytes
 
         identity, state = file_identity(weights)
         plain = json.dumps(identity.settings["network"], sort_keys=True)
-        return Raft(identity.model_id, plain, to_bytes(state), iterations)
+        return Raft(identity.model_id, plain, to_bytes(state), own.iterations)
     if flow == "dis":
         flow_assignments(None, flow, weights, model)
         return Dis()
     if store_url is None:
         raise SettingsError("--flow raft: give --weights FILE, or --model-store with its networks")
     chosen = flow_assignments(store_url, flow, weights, model, dry_run=True)["flow.model"]
-    wanted = Settings("raft", chosen, iterations=iterations)
-    return chosen_estimator(open_store(store_url), wanted)
+    return chosen_estimator(open_store(store_url), replace(own, model=chosen))

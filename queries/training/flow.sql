@@ -1,6 +1,7 @@
 -- The frames that a flow network learns from: each begins a pair with the next one, or ends the last.
 -- reads: image
 set variable held_out_share = 0.2;  -- share: of each drive's pairs, its last ones, kept to check what was learnt
+set variable max_step = 4;  -- frames: that a pair to learn from spans at most; a longer step shows larger motions
 
 with listed as (
     select dataset, sequence, frame, has_image,
@@ -21,12 +22,26 @@ numbered as (
 parted as (
     select *, pairs - greatest(1, round(pairs * getvariable('held_out_share'))) as learnt
     from numbered
+),
+named as (
+    select dataset, sequence, frame, case when paired then frame_to end as frame_to,
+           case when not paired then null
+                when number > learnt then 'held out'
+                when number < learnt then 'learnt' end as part
+    from parted
+    where has_image
+),
+-- Neighbours of one part: what lies between them would break a longer step.
+unbroken as (
+    select *, count(*) filter (part is distinct from 'learnt') over before as broken
+    from named
+    window before as (partition by dataset, sequence order by frame)
 )
-select dataset, sequence, frame, case when paired then frame_to end as frame_to,
-       case when not paired then null
-            when number > learnt then 'held out'
-            when number < learnt then 'learnt' end as part,
+select dataset, sequence, frame, frame_to, part,
+       case part when 'held out' then 1
+                 when 'learnt' then least(getvariable('max_step'), count(*) over following)
+                 else 0 end as steps,
        0 as positives
-from parted
-where has_image
+from unbroken
+window following as (partition by dataset, sequence, broken, part order by frame desc)
 order by dataset, sequence, frame

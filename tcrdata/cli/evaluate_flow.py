@@ -29,7 +29,7 @@ def evaluate_flow(
     weights: str | None = None,
     model: str | None = None,
     model_store: str | None = None,
-    iterations: int = 8,
+    iterations: int | None = None,
     json: Flag = False,
 ) -> int:
     """Score flow: endpoint error, outliers, and both where the cycle test holds and where it fails.
@@ -43,14 +43,14 @@ def evaluate_flow(
         weights: file with the weights of RAFT.
         model: id of a flow model; the one in use when left out.
         model_store: store that holds it.
-        iterations: of RAFT.
+        iterations: of RAFT (8).
         json: print every pair as JSON.
     """
     from tcrdata.evaluation.flow import PROTOCOL
 
     if (root is None and dataset is None) == (store is None):
         raise SettingsError("give --root DIR (or --dataset), or --store STORE: one of them")
-    if store is not None and (flow or weights or model or model_store):
+    if store is not None and (flow or weights or model or model_store or iterations is not None):
         raise SettingsError(
             "--store scores the flow that is in it: build with --flow, or give --root"
         )

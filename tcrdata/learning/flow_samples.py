@@ -74,14 +74,17 @@ class GeneratedSamples:
 
 
 class StoredPairs:
-    """The pairs of one part of the query `training/flow`, each with both images."""
+    """The pairs of one part of the query `training/flow`, each with both images.
+
+    A frame begins as many pairs as its column `steps` says: with the next one, the one after it...
+    """
 
     def __init__(self, frames: CountedSamples, part: str) -> None:
         """Take those rows of a query's frames whose column `part` says so."""
         self._frames, self._part = frames, part
 
     def __len__(self) -> int:
-        return len(self._numbers)
+        return len(self._places[0])
 
     def __getitem__(self, number: int) -> dict[str, Any]:
         """Return `first` and `second`, (H, W, 3) RGB, with their keys.
@@ -89,27 +92,32 @@ class StoredPairs:
         Raises:
             FrameError: an image cannot be read, or the two differ in size.
         """
-        place = self._numbers[number]
-        start, end = self._frames[place], self._frames[place + 1]
+        starts, ends = self._places
+        start, end = self._frames[int(starts[number])], self._frames[int(ends[number])]
         key = f"{start['dataset']}/{start['sequence']} frames {start['frame']}, {end['frame']}"
         if start["image"].shape != end["image"].shape:
             raise FrameError(f"{key}: images of two sizes; flow needs one: leave one of them out")
-        kept = {name: start[name] for name in ("dataset", "sequence", "frame", "frame_to")}
+        kept = {name: start[name] for name in ("dataset", "sequence", "frame")}
+        kept["frame_to"] = end["frame"]
         return {**kept, "key": key, "first": start["image"], "second": end["image"]}
 
     def column(self, name: str) -> list[Any]:
         """Return a column of the query for all pairs."""
         values = self._frames.column(name)
-        return [values[place] for place in self._numbers]
+        return [values[place] for place in self._places[0]]
 
     def drives(self) -> IntArray:
         """Return which drive each pair is of, by number."""
-        return self._frames.drives()[self._numbers]
+        return self._frames.drives()[self._places[0]]
 
     @cached_property
-    def _numbers(self) -> list[int]:
-        parts = self._frames.column("part")
-        return [number for number, part in enumerate(parts) if part == self._part]
+    def _places(self) -> tuple[IntArray, IntArray]:
+        """Where each pair's two frames are: all pairs of a frame, then those of the next."""
+        chosen = np.array(self._frames.column("part")) == self._part
+        steps = np.where(chosen, np.array(self._frames.column("steps"), np.int64), 0)
+        starts = np.repeat(np.arange(len(steps)), steps)
+        firsts = np.repeat(np.cumsum(steps) - steps, steps)
+        return starts, starts + 1 + np.arange(len(starts)) - firsts
 
 
 @dataclass(frozen=True)
@@ -119,7 +127,7 @@ class PairSettings:
     Attributes:
         height_px: of the piece that is cut out.
         width_px: of it.
-        margin_px: around it that the teacher sees, too.
+        margin_px: around it that the teacher sees, too, and where the student's flow may end.
         teacher_iterations: corrections that the teacher makes.
         scale: of the images before anything is cut.
         boxes: occlusions of one image, at most.
@@ -128,9 +136,9 @@ class PairSettings:
         flip: mirror half of the pairs.
     """
 
-    height_px: int = 128
-    width_px: int = 256
-    margin_px: int = 32
+    height_px: int = 160
+    width_px: int = 448
+    margin_px: int = 64
     teacher_iterations: int = 8
     scale: float = 1.0
     boxes: int = 4
@@ -161,8 +169,9 @@ class TaughtSamples:
     losses: FlowLossSettings
 
     def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-        """Return `input` (6, H, W), `images` (2, 3, H, W), `taught` (2, 2, H, W) px, and `trusted`
-        and `hidden` (2, 1, H, W): forward, then backward.
+        """Return `input` (6, H, W), `images` (2, 4, H + 2 m, W + 2 m) with a margin and a channel
+        that is 1 where there is an image, `taught` (2, 2, H, W) px, and `trusted` and `hidden`
+        (2, 1, H, W): forward, then backward.
         """  # noqa: D205
         own = self.pairs
         first, second = (_scaled(sample[name], own) for name in ("first", "second"))
@@ -172,6 +181,7 @@ class TaughtSamples:
         flows = self.teacher.both_ways(first[window], second[window])
         trusted = [self._trusted(flows[i], flows[1 - i])[piece] for i in (0, 1)]
         taught = [flow[piece] for flow in flows]
+        around = [_framed(image[window], piece, own) for image in (first, second)]
         images = [unit_colours(image[window][piece]) for image in (first, second)]
         covers = [np.zeros(images[0].shape[:2], bool) for _ in range(2)]
         if self.losses.occlusion > 0:
@@ -183,7 +193,7 @@ class TaughtSamples:
         return {
             "key": sample["key"],
             "input": _upright(np.concatenate(shown, axis=2)),
-            "images": np.stack([_upright(image) for image in images]),
+            "images": np.stack([_upright(image) for image in around]),
             "taught": np.stack([_upright(flow) for flow in taught]),
             "trusted": np.stack(trusted)[:, None].astype(np.float32),
             "hidden": np.stack(hidden)[:, None].astype(np.float32),
@@ -218,6 +228,17 @@ def _places(
         windows.append(slice(first, last))
         pieces.append(slice(start - first, start - first + wanted))
     return (windows[0], windows[1]), (pieces[0], pieces[1])
+
+
+def _framed(seen: ImageArray, piece: tuple[slice, slice], own: PairSettings) -> Float32Array:
+    """(H + 2 m, W + 2 m, 4): colours around a piece, and 1 where the image has any."""
+    margin = own.margin_px
+    size = (own.height_px + 2 * margin, own.width_px + 2 * margin)
+    framed = np.zeros((*size, 4), np.float32)
+    top, left = (margin - part.start for part in piece)
+    place = framed[top : top + len(seen), left : left + seen.shape[1]]
+    place[..., :3], place[..., 3] = unit_colours(seen), 1
+    return framed
 
 
 def _boxes(shape: tuple[int, ...], own: PairSettings, rng: np.random.Generator) -> BoolArray:

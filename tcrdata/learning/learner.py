@@ -61,6 +61,7 @@ class Learner:
         *,
         objective: Objective | None = None,
         start: Mapping[str, torch.Tensor] | None = None,
+        start_counts: bool = False,
     ) -> None:
         """Make the network; the seed makes its weights, unless it starts from others.
 
@@ -72,6 +73,7 @@ class Learner:
             place: device and process.
             objective: the parts of the loss, from outputs and batch; None for the kind's own.
             start: weights to begin with; None for random ones.
+            start_counts: the running average is of these, too: it stays near them.
         """
         torch.manual_seed(own.seed)
         self.network: nn.Module = registry.find("networks", network).make_network(settings)
@@ -80,6 +82,7 @@ class Learner:
         self.network.to(place.device, memory_format=torch.channels_last).train()
         self.averaged = copy.deepcopy(self.network)
         self.terms: list[dict[str, float]] = []
+        self._start_counts = start_counts
         self._own, self._device = own, torch.device(place.device).type
         self._objective: Objective = objective or OBJECTIVES[kind]
         self._optimizer = torch.optim.AdamW(
@@ -119,7 +122,8 @@ class Learner:
             return {**terms, "gradient": float(norm)}
         self._scaler.step(self._optimizer)
         self._scaler.update()
-        self._average(min(self._own.average, (len(self.terms) + 1) / (len(self.terms) + 10)))
+        young = 1.0 if self._start_counts else (len(self.terms) + 1) / (len(self.terms) + 10)
+        self._average(min(self._own.average, young))
         self.terms.append(terms)
         return terms
 

@@ -85,6 +85,7 @@ def train(
     report: Callable[[Report], None] = lambda _: None,
     objective: Objective | None = None,
     start: Mapping[str, torch.Tensor] | None = None,
+    start_counts: bool = False,
 ) -> Progress:
     """Train a network and commit its checkpoints; a resumed training gives the same losses.
 
@@ -100,6 +101,7 @@ def train(
         report: called after each step, of several processes by the first alone.
         objective: what is learnt; None for the objective of the model's kind.
         start: weights to begin with; None for random ones.
+        start_counts: the running average is of these, too: it stays near them.
 
     Raises:
         TrainingError: the loss is not finite; names the frames of the batch.
@@ -107,8 +109,9 @@ def train(
     """
     torch.set_num_threads(loop.threads)
     learner = Learner(
-        model.kind, model.network, network_settings, loop, place, objective=objective, start=start
-    )
+        model.kind, model.network, network_settings, loop, place,
+        objective=objective, start=start, start_counts=start_counts,
+    )  # fmt: skip
     if resume:
         learner.restore(store, model)
     first, started = len(learner.terms), time.perf_counter()

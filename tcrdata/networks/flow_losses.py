@@ -18,6 +18,9 @@ from tcrdata.networks.raft import STRIDE
 SELF_SUPERVISED = ("photometric", "teacher", "occlusion")
 """What can be learnt without truth, one by one or together."""
 
+WHOLE = 0.999
+"""Least share of the four pixels around a point that have to be of the image."""
+
 
 @dataclass(frozen=True)
 class FlowLossSettings:
@@ -33,6 +36,8 @@ class FlowLossSettings:
         teacher: weight of what the teacher says of its consistent pixels: its losses are of pixels,
             the photometric one of colours in [0, 1].
         occlusion: weight of what it says where the student sees nothing.
+        unseen: weight of what it says where the student's own flow is not consistent, so that the
+            images say nothing: beside the photometric loss alone, whose smoothness flattens that.
         cycle_share: alpha 1 of the cycle test.
         cycle_slack_px: alpha 2 of it, px^2.
     """
@@ -45,6 +50,7 @@ class FlowLossSettings:
     photometric: float = 1.0
     teacher: float = 0.002
     occlusion: float = 0.002
+    unseen: float = 0.002
     cycle_share: float = 0.05
     cycle_slack_px: float = 0.5
 
@@ -54,7 +60,7 @@ class FlowLossSettings:
                 f"losses.exponent {self.exponent:g} and losses.epsilon {self.epsilon:g}: the "
                 "penalty needs both above 0"
             )
-        for name in (*SELF_SUPERVISED, "smoothness"):
+        for name in (*SELF_SUPERVISED, "smoothness", "unseen"):
             if not 0 <= getattr(self, name) < math.inf:
                 raise SettingsError(f"losses.{name}: a weight of 0 or more is needed")
         if not any(getattr(self, name) > 0 for name in SELF_SUPERVISED):
@@ -85,16 +91,17 @@ def sample(image: torch.Tensor, flow: torch.Tensor) -> tuple[torch.Tensor, torch
     """Return (B, C, H, W) at p + flow(p), bilinear, and (B, 1, H, W): 1 where that lies inside.
 
     Args:
-        image: (B, C, H, W).
+        image: (B, C, H + 2 m, W + 2 m): with a margin around what the flow is of, or none.
         flow: (B, 2, H, W), px (column, row).
     """
-    height, width = flow.shape[-2:]
+    height, width = image.shape[-2:]
+    margin = (height - flow.shape[-2]) // 2
     rows, columns = torch.meshgrid(
-        torch.arange(height, device=flow.device, dtype=flow.dtype),
-        torch.arange(width, device=flow.device, dtype=flow.dtype),
+        torch.arange(flow.shape[-2], device=flow.device, dtype=flow.dtype),
+        torch.arange(flow.shape[-1], device=flow.device, dtype=flow.dtype),
         indexing="ij",
     )
-    x, y = columns + flow[:, 0], rows + flow[:, 1]
+    x, y = columns + margin + flow[:, 0], rows + margin + flow[:, 1]
     inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
     ends = torch.stack([(2 * x + 1) / width - 1, (2 * y + 1) / height - 1], dim=-1)
     found = functional.grid_sample(image, ends, align_corners=False, padding_mode="border")
@@ -125,20 +132,43 @@ def photometric_loss(
 
     Args:
         flow: (B, 2, H, W) px.
-        images: both (B, 3, H, W) in [0, 1].
+        images: the first, (B, 3, H, W) in [0, 1]; the second with a margin, (B, 4, H + 2 m,
+            W + 2 m), its last channel 1 where there is an image.
         seen: (B, 1, H, W): 0 where the second image hides the pixel.
         own: the penalty.
     """
-    warped, inside = sample(images[1], flow)
-    return _mean(charbonnier(images[0] - warped, own).mean(dim=1, keepdim=True), seen * inside)
+    ends, inside = sample(images[1], flow)
+    inside = inside * (ends[:, 3:].detach() > WHOLE)
+    penalty = charbonnier(images[0] - ends[:, :3], own).mean(dim=1, keepdim=True)
+    return _mean(penalty, seen * inside)
+
+
+def seen_pixels(
+    flow: torch.Tensor, back: torch.Tensor, trusted: torch.Tensor, own: FlowLossSettings
+) -> torch.Tensor:
+    """Return (B, 1, H, W): 1 where the cycle holds, or leaves the piece and a teacher's holds.
+
+    Args:
+        flow: (B, 2, H, W) px.
+        back: (B, 2, H, W) px, of the pair turned round.
+        trusted: (B, 1, H, W): 1 where the flow of a teacher, who sees more, is consistent.
+        own: the alphas.
+    """
+    _, inside = sample(back, flow)
+    return cycle_consistent(flow, back, own) + (1 - inside) * trusted
 
 
 def smoothness_loss(flow: torch.Tensor, image: torch.Tensor, own: FlowLossSettings) -> torch.Tensor:
-    """Return the mean of `exp(-edge |dI|) rho(dw)` over both directions (eq. 3, edge-aware)."""
+    """Return the mean of `exp(-edge |dI|) rho(ddw)` over both directions (eq. 3, edge-aware).
+
+    The second difference: the first would ask a road that is driven over to move as one.
+    """
     total = flow.new_zeros(())
     for dim in (-1, -2):
         step = torch.diff(image, dim=dim).abs().mean(dim=1, keepdim=True)
-        bend = charbonnier(torch.diff(flow, dim=dim), own).sum(dim=1, keepdim=True)
+        length = step.shape[dim]
+        step = torch.maximum(step.narrow(dim, 0, length - 1), step.narrow(dim, 1, length - 1))
+        bend = charbonnier(torch.diff(flow, n=2, dim=dim), own).sum(dim=1, keepdim=True)
         total = total + (torch.exp(-own.edge * step) * bend).mean()
     return total
 
@@ -215,20 +245,24 @@ def self_supervised_losses(
 
     Args:
         outputs: `flow`, (2 B, K, 2, H, W): pair after pair, forward then backward.
-        batch: `images` (B, 2, 3, H, W), not occluded; `taught` (B, 2, 2, H, W) flow of the teacher,
+        batch: `images` (B, 2, 4, H + 2 m, W + 2 m), not occluded, with a margin around the piece,
+            last channel 1 where there is an image; `taught` (B, 2, 2, H, W) flow of the teacher,
             forward and backward; `trusted` (B, 2, 1, H, W), where it is cycle-consistent; `hidden`
             (B, 2, 1, H, W), where the student's input was occluded.
         own: weights and penalty.
     """
-    first, second = batch["images"].flatten(0, 1), batch["images"].flip(1).flatten(0, 1)
+    second = batch["images"].flip(1).flatten(0, 1)
     taught, trusted, hidden = (batch[n].flatten(0, 1) for n in ("taught", "trusted", "hidden"))
     flows = outputs["flow"]
+    margin = (second.shape[-1] - flows.shape[-1]) // 2
+    whole = batch["images"].flatten(0, 1)[:, :3]
+    first = functional.pad(whole, [-margin] * 4)
     shares = _shares(flows.shape[1], own.decay, flows)
     seen = None
     if own.photometric > 0:
         last = flows[:, -1].detach()
         back = last.view(-1, 2, *last.shape[1:]).flip(1).flatten(0, 1)
-        seen = cycle_consistent(last, back, own)
+        seen = seen_pixels(last, back, trusted, own)
     totals: dict[str, torch.Tensor] = {}
     for number, share in enumerate(shares):
         flow = flows[:, number]
@@ -236,6 +270,8 @@ def self_supervised_losses(
         if seen is not None:
             parts["photometric"] = photometric_loss(flow, (first, second), seen, own)
             parts["smoothness"] = own.smoothness * smoothness_loss(flow, first, own)
+            if own.unseen > 0:
+                parts["unseen"] = imitation_loss(flow, taught, 1 - seen, own)
         if own.teacher > 0:
             parts["teacher"] = imitation_loss(flow, taught, trusted * (1 - hidden), own)
         if own.occlusion > 0:

@@ -86,13 +86,25 @@ def test_a_finetuned_network_is_checked_and_its_teacher_stays(taught: Path) -> N
     listed = {row["model_id"]: row for row in done("models", "--store", taught, "--json").json}
     student = next(row for row in listed.values() if "teacher" in row["settings"])
     assert student["settings"]["teacher"] in listed
-    assert student["samples"] == 2
+    # Frames 0 to 2 in order: a pair with the next, and one over both.
+    assert student["samples"] == 3
     states = {row["model_id"]: row["state"] for row in listed.values()}
     used = flow_model(store)["model_id"]
     assert {name for name, state in states.items() if state.endswith(", in use")} == {used}
     assert states[student["model_id"]].split(",")[0] in ("promoted", "rejected")
     (events,) = taught.with_name("logs").iterdir()
     assert ".tfevents." in events.name
+
+
+def test_the_average_of_a_student_is_of_its_teacher_too(built: Path, tmp_path: Path) -> None:
+    url = tmp_path / "store"
+    shutil.copytree(built, url)
+    done("train", "flow", "--store", url, *STUDENT, "--set", "average=1", "--set", "steps=1")
+    teacher, student = (
+        read_weights(open_store(str(url)), row["model_id"], AVERAGE)
+        for row in sorted(flow_rows(open_store(str(url))), key=lambda row: row["samples"])
+    )
+    assert all(torch.equal(value, student[name]) for name, value in teacher.items())
 
 
 def test_a_training_that_was_stopped_gives_the_same_losses(
@@ -166,6 +178,10 @@ def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> N
     plain = ("build", "--dataset", "demo", "--store", built, "--flow", "dis")
     assert "tcrdata reads no flow" in refused(*plain)
     assert "one of them" in refused("evaluate", "flow", "--store", built, "--root", ".")
+    assert "for --flow raft" in refused(
+        "evaluate", "flow", "--dataset", "demo", "--root", "frames=2", "--iterations", 4
+    )
+    assert "build with --flow" in refused("evaluate", "flow", "--store", built, "--iterations", 4)
     assert "no flow pair" in refused("evaluate", "flow", "--root", tmp_path)
     assert "unknown loss 'photo'" in refused("train", "flow", "--store", built, "--losses", "photo")
     assert "is RAFT small" in refused("train", "flow", "--store", built, "--size", "full")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
 
 import duckdb
 import numpy as np
@@ -47,14 +46,17 @@ def add_drive(connection: duckdb.DuckDBPyConnection, name: str, images: str) -> 
         connection.execute(f"insert into frames ({names}) values ({places})", list(row.values()))
 
 
-def parts(connection: duckdb.DuckDBPyConnection, held_out: float = 0.2) -> list[tuple[object, ...]]:
+def parts(
+    connection: duckdb.DuckDBPyConnection, held_out: float = 0.2, max_step: int = 4
+) -> list[tuple[object, ...]]:
     text = (resource_folder("queries") / "training" / "flow.sql").read_text(encoding="utf-8")
     *setters, select = connection.extract_statements(text)
     for setter in setters:
         connection.execute(setter)
     connection.execute("set variable held_out_share = ?", [held_out])
+    connection.execute("set variable max_step = ?", [max_step])
     rows = connection.execute(select.query).fetchall()
-    return [(row[1], row[2], row[3], row[4]) for row in rows]
+    return [row[1:6] for row in rows]
 
 
 def test_the_last_pairs_of_a_drive_are_held_out_and_share_no_frame_with_the_others(
@@ -62,13 +64,22 @@ def test_the_last_pairs_of_a_drive_are_held_out_and_share_no_frame_with_the_othe
 ) -> None:
     add_drive(shell, "a", "iiiiii")
     assert parts(shell, 0.4) == [
-        ("a", 0, 1, "learnt"),
-        ("a", 1, 2, "learnt"),
-        ("a", 2, 3, None),
-        ("a", 3, 4, "held out"),
-        ("a", 4, 5, "held out"),
-        ("a", 5, None, None),
+        ("a", 0, 1, "learnt", 2),
+        ("a", 1, 2, "learnt", 1),
+        ("a", 2, 3, None, 0),
+        ("a", 3, 4, "held out", 1),
+        ("a", 4, 5, "held out", 1),
+        ("a", 5, None, None, 0),
     ]
+
+
+def test_steps_are_as_long_as_asked_for_and_never_over_what_is_missing(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_drive(shell, "a", "iiiii.iiiiii")
+    steps = [row[-1] for row in parts(shell, 0.1, max_step=3)]
+    assert steps == [3, 3, 2, 1, 0, 3, 2, 1, 0, 1, 0]
+    assert [row[-1] for row in parts(shell, 0.1, max_step=1)] == [min(1, n) for n in steps]
 
 
 def test_pairs_need_two_images_of_frames_that_follow_one_another(
@@ -77,14 +88,14 @@ def test_pairs_need_two_images_of_frames_that_follow_one_another(
     add_drive(shell, "a", "ii.iixii")
     add_drive(shell, "b", "ii")
     assert parts(shell) == [
-        ("a", 0, 1, "learnt"),
-        ("a", 1, None, None),
-        ("a", 3, 4, "learnt"),
-        ("a", 4, 6, None),
-        ("a", 6, 7, "held out"),
-        ("a", 7, None, None),
-        ("b", 0, 1, "held out"),
-        ("b", 1, None, None),
+        ("a", 0, 1, "learnt", 1),
+        ("a", 1, None, None, 0),
+        ("a", 3, 4, "learnt", 1),
+        ("a", 4, 6, None, 0),
+        ("a", 6, 7, "held out", 1),
+        ("a", 7, None, None, 0),
+        ("b", 0, 1, "held out", 1),
+        ("b", 1, None, None, 0),
     ]
 
 
@@ -108,6 +119,10 @@ def pair_of(height: int = 90, width: int = 140) -> dict[str, object]:
     return {"key": "a", "first": whole[:, 5:], "second": whole[:, :-5]}
 
 
+def piece_of(sample: dict[str, np.ndarray]) -> np.ndarray:
+    return sample["images"][:, :3, 8:-8, 8:-8]
+
+
 OWN = PairSettings(height_px=64, width_px=72, margin_px=8, flip=False)
 HIDING, SHOWING = FlowLossSettings(), FlowLossSettings(occlusion=0)
 
@@ -117,7 +132,7 @@ def test_only_the_student_is_hidden_from() -> None:
     sample = TaughtSamples(OWN, teacher, HIDING)(pair_of(), np.random.default_rng(1))
     assert teacher.seen is not None
     assert teacher.seen[0].shape[0] > 64
-    covered = (sample["input"].reshape(2, 3, 64, 72) != sample["images"]).any(axis=1)
+    covered = (sample["input"].reshape(2, 3, 64, 72) != piece_of(sample)).any(axis=1)
     assert covered.any()
     assert not covered.all()
     assert (covered.reshape(2, -1).any(axis=1)).sum() == 1
@@ -135,7 +150,7 @@ def test_only_the_student_is_hidden_from() -> None:
 
 def test_without_occlusion_the_student_sees_what_the_teacher_sees() -> None:
     sample = TaughtSamples(OWN, Teacher(), SHOWING)(pair_of(), np.random.default_rng(1))
-    np.testing.assert_array_equal(sample["input"].reshape(2, 3, 64, 72), sample["images"])
+    np.testing.assert_array_equal(sample["input"].reshape(2, 3, 64, 72), piece_of(sample))
     assert not sample["hidden"].any()
 
 
@@ -158,8 +173,18 @@ def test_the_losses_say_which_pixels_of_the_teacher_are_trusted() -> None:
 
 def test_images_smaller_than_the_piece_are_continued_at_their_edges() -> None:
     sample = TaughtSamples(OWN, Teacher(), SHOWING)(pair_of(40, 50), np.random.default_rng(0))
-    assert sample["images"].shape == (2, 3, 64, 72)
-    np.testing.assert_array_equal(sample["images"][0, :, 40:, 0].std(axis=1), 0)
+    assert sample["images"].shape == (2, 4, 80, 88)
+    np.testing.assert_array_equal(piece_of(sample)[0, :, 40:, 0].std(axis=1), 0)
+
+
+def test_around_the_piece_is_what_the_image_has_there() -> None:
+    teacher = Teacher()
+    sample = TaughtSamples(OWN, teacher, SHOWING)(pair_of(), np.random.default_rng(1))
+    assert teacher.seen is not None
+    for image, seen in zip(sample["images"], teacher.seen, strict=True):
+        colours = image[:3, image[3].any(axis=1)][:, :, image[3].any(axis=0)]
+        np.testing.assert_allclose(colours, np.moveaxis(seen, 2, 0) / 255, atol=1e-6)
+        assert not image[:3, image[3] == 0].any()
 
 
 def test_a_piece_too_small_is_refused() -> None:
@@ -167,29 +192,49 @@ def test_a_piece_too_small_is_refused() -> None:
         PairSettings(height_px=32)
 
 
-def test_a_pair_of_two_sizes_is_refused_by_name() -> None:
-    class Frames:
-        rows: ClassVar = [
-            {"dataset": "kitti", "sequence": "a", "frame": n, "frame_to": n + 1, "part": part,
-             "image": np.zeros((4, 5 + n, 3), np.uint8)}
-            for n, part in enumerate(["learnt", None])
+class Rows:
+    """Frames of one drive as the query has them: each with its part and how many pairs it begins.
+
+    The image of each is a pixel wider than the one before, if told so.
+    """
+
+    def __init__(self, parts: list[tuple[str | None, int]], *, wider: bool = False) -> None:
+        self.rows = [
+            {"dataset": "kitti", "sequence": "a", "frame": 2 * n, "frame_to": 2 * n + 2,
+             "part": part, "steps": steps, "image": np.full((4, 5 + n * wider, 3), n, np.uint8)}
+            for n, (part, steps) in enumerate(parts)
         ]  # fmt: skip
 
-        def __getitem__(self, number: int) -> dict[str, object]:
-            return self.rows[number]
+    def __getitem__(self, number: int) -> dict[str, object]:
+        return self.rows[number]
 
-        def __len__(self) -> int:
-            return len(self.rows)
+    def __len__(self) -> int:
+        return len(self.rows)
 
-        def column(self, name: str) -> list[object]:
-            return [row[name] for row in self.rows]
+    def column(self, name: str) -> list[object]:
+        return [row[name] for row in self.rows]
 
-        def drives(self) -> np.ndarray:
-            return np.zeros(len(self.rows), np.int64)
+    def drives(self) -> np.ndarray:
+        return np.arange(len(self.rows)) // 3
 
-    pairs = StoredPairs(Frames(), "learnt")
+
+def test_a_frame_begins_a_pair_with_each_of_the_frames_in_its_reach() -> None:
+    rows = Rows([("learnt", 2), ("learnt", 1), (None, 0), ("held out", 1), (None, 0)])
+    pairs = StoredPairs(rows, "learnt")
+    ends = [(pair["frame"], pair["frame_to"]) for pair in map(pairs.__getitem__, range(len(pairs)))]
+    assert ends == [(0, 2), (0, 4), (2, 4)]
+    assert [int(pairs[n]["second"].mean()) for n in range(3)] == [1, 2, 2]
+    assert pairs.column("frame") == [0, 0, 2]
+    held_out = StoredPairs(rows, "held out")
+    assert [held_out[n]["frame"] for n in range(len(held_out))] == [6]
+    assert held_out.drives().tolist() == [1]
+    assert len(StoredPairs(Rows([]), "learnt")) == 0
+
+
+def test_a_pair_of_two_sizes_is_refused_by_name() -> None:
+    pairs = StoredPairs(Rows([("learnt", 1), (None, 0)], wider=True), "learnt")
     assert len(pairs) == 1
-    with pytest.raises(FrameError, match="kitti/a frames 0, 1: images of two sizes"):
+    with pytest.raises(FrameError, match="kitti/a frames 0, 2: images of two sizes"):
         pairs[0]
 
 

@@ -16,6 +16,7 @@ from tcrdata.networks.flow_losses import (
     known_flow_losses,
     matching_loss,
     photometric_loss,
+    seen_pixels,
     self_supervised_losses,
     smoothness_loss,
 )
@@ -27,6 +28,11 @@ EVERY = torch.ones((1, 1, 12, 16))
 
 def constant(u: float, v: float) -> torch.Tensor:
     return torch.tensor([float(u), float(v)]).view(1, 2, 1, 1).expand(1, 2, 12, 16).clone()
+
+
+def framed(image: torch.Tensor) -> torch.Tensor:
+    """With a last channel that says that there is an image everywhere."""
+    return torch.cat([image, torch.ones_like(image[:, :1])], dim=1)
 
 
 @pytest.fixture(scope="module")
@@ -44,9 +50,35 @@ def test_the_penalty_is_that_of_eq_2() -> None:
 def test_the_right_flow_leaves_no_photometric_loss(
     images: tuple[torch.Tensor, torch.Tensor],
 ) -> None:
-    right = photometric_loss(constant(3, -2), images, EVERY, OWN)
+    both = images[0], framed(images[1])
+    right = photometric_loss(constant(3, -2), both, EVERY, OWN)
     assert right.item() == pytest.approx(FLOOR, rel=0.01)
-    assert photometric_loss(constant(0, 0), images, EVERY, OWN).item() > 50 * FLOOR
+    assert photometric_loss(constant(0, 0), both, EVERY, OWN).item() > 50 * FLOOR
+
+
+def test_what_leaves_the_piece_is_looked_up_around_it_where_there_is_an_image(
+    images: tuple[torch.Tensor, torch.Tensor],
+) -> None:
+    around = torch.zeros((1, 4, 20, 24))
+    around[..., 4:16, 4:20] = framed(images[1])
+    leaving = EVERY.clone()
+    leaving[..., 2:, :13] = 0
+
+    def loss() -> float:
+        return photometric_loss(constant(3, -2), (images[0], around), leaving, OWN).item()
+
+    assert loss() == 0
+    around[:, 3] = 1
+    assert loss() > 50 * FLOOR
+
+
+def test_a_teacher_who_sees_more_says_what_is_seen_beyond_the_piece() -> None:
+    flow, back = constant(3, 0), constant(-3, 0)
+    back[..., :8] = 9
+    seen = seen_pixels(flow, back, EVERY, OWN)[0, 0]
+    assert not seen[:, :5].any()
+    assert seen[:, 5:].all()
+    assert not seen_pixels(flow, back, 0 * EVERY, OWN)[0, 0, :, 13:].any()
 
 
 def test_pixels_that_are_hidden_are_left_out(images: tuple[torch.Tensor, torch.Tensor]) -> None:
@@ -54,17 +86,19 @@ def test_pixels_that_are_hidden_are_left_out(images: tuple[torch.Tensor, torch.T
     seen[..., 6:] = 0
     spoilt = images[1].clone()
     spoilt[..., 9:] = 0.5
-    loss = photometric_loss(constant(3, -2), (images[0], spoilt), seen, OWN)
+    loss = photometric_loss(constant(3, -2), (images[0], framed(spoilt)), seen, OWN)
     assert loss.item() == pytest.approx(FLOOR, rel=0.01)
 
 
-def test_smoothness_asks_for_constant_flow_but_not_across_an_edge() -> None:
+def test_smoothness_asks_for_flow_that_grows_evenly_but_not_across_an_edge() -> None:
     grey, step = torch.zeros((1, 3, 12, 16)), constant(0, 0)
     step[..., 8:] += 5
     edge = grey.clone()
     edge[..., 8:] = 1
     flat = smoothness_loss(constant(5, 5), grey, OWN).item()
     assert flat == pytest.approx(4 * FLOOR, rel=0.01)
+    growing = constant(0, 0) + torch.arange(16.0)
+    assert smoothness_loss(growing, grey, OWN).item() == pytest.approx(flat)
     assert smoothness_loss(step, edge, OWN).item() == pytest.approx(flat, rel=0.2)
     assert smoothness_loss(step, grey, OWN).item() > 20 * flat
 
@@ -94,7 +128,7 @@ def batch_of(images: tuple[torch.Tensor, torch.Tensor]) -> dict[str, torch.Tenso
     hidden = torch.zeros((1, 2, 1, 12, 16))
     hidden[..., :4] = 1
     return {
-        "images": torch.stack([images[0][0], images[1][0]])[None],
+        "images": torch.stack([framed(image)[0] for image in images])[None],
         "taught": taught,
         "trusted": torch.ones((1, 2, 1, 12, 16)),
         "hidden": hidden,
@@ -117,7 +151,7 @@ def test_each_loss_can_be_run_alone(
     right = torch.stack([batch["taught"][0]] * 2, dim=1)
     wrong = right + 2
     wrong.requires_grad_(True)
-    own = replace(OWN, **off)
+    own = replace(OWN, unseen=0, **off)
     low = self_supervised_losses({"flow": right}, batch, own)
     high = self_supervised_losses({"flow": wrong}, batch, own)
     assert set(low) == set(high) == terms
@@ -131,6 +165,26 @@ def test_each_loss_can_be_run_alone(
     elif alone == "occlusion":
         assert reached[:4].all()
         assert not reached[4:].any()
+
+
+def test_where_the_student_is_not_consistent_the_teacher_holds_it(
+    images: tuple[torch.Tensor, torch.Tensor],
+) -> None:
+    batch = batch_of(images)
+    own = replace(OWN, teacher=0, occlusion=0)
+    right = torch.stack([batch["taught"][0]] * 2, dim=1)
+    astray = right.clone()
+    astray[..., 4:8, 6:10] += 3
+    astray.requires_grad_(True)
+    losses = self_supervised_losses({"flow": astray}, batch, own)
+    assert set(losses) == {"photometric", "smoothness", "unseen"}
+    losses["unseen"].backward()
+    reached = astray.grad.abs().sum(dim=(0, 1, 2)) > 0
+    assert reached[4:8, 6:10].all()
+    # Its own place, and where the way back is looked up.
+    assert reached.float().mean() < 0.6
+    held = self_supervised_losses({"flow": right}, batch, own)["unseen"].item()
+    assert losses["unseen"].item() > 3 * held
 
 
 def test_no_loss_at_all_is_refused() -> None:
