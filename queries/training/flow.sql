@@ -1,7 +1,7 @@
 -- The frames that a flow network learns from: each begins a pair with the next one, or ends the last.
 -- reads: image
 set variable held_out_share = 0.2;  -- share: of each drive's pairs, its last ones, kept to check what was learnt
-set variable max_step = 4;  -- frames: that a pair to learn from spans at most; a longer step shows larger motions
+set variable max_step = 1;  -- frames: that a pair to learn from spans at most; a longer step shows larger motions
 
 with listed as (
     select dataset, sequence, frame, has_image,
