@@ -206,8 +206,6 @@ def named_estimator(
     from tcrdata.evidence.flow import Settings, chosen_estimator
     from tcrdata.evidence.flow_estimators import Dis, Raft
 
-    if flow == "dis" and iterations is not None:
-        raise SettingsError("--iterations is for --flow raft")
     own = Settings("raft") if iterations is None else Settings("raft", iterations=iterations)
     if weights and flow == "raft" and not model:
         from tcrdata.networks.trained import to_bytes
@@ -217,6 +215,8 @@ def named_estimator(
         return Raft(identity.model_id, plain, to_bytes(state), own.iterations)
     if flow == "dis":
         flow_assignments(None, flow, weights, model)
+        if iterations is not None:
+            raise SettingsError("--iterations is for --flow raft")
         return Dis()
     if store_url is None:
         raise SettingsError("--flow raft: give --weights FILE, or --model-store with its networks")

@@ -116,10 +116,18 @@ def cycle_consistent(flow: torch.Tensor, back: torch.Tensor, own: FlowLossSettin
         back: (B, 2, H, W) px, of the pair turned round.
         own: the alphas.
     """
+    holds, inside = _cycle(flow, back, own)
+    return holds * inside
+
+
+def _cycle(
+    flow: torch.Tensor, back: torch.Tensor, own: FlowLossSettings
+) -> tuple[torch.Tensor, torch.Tensor]:
+    """Where the cycle holds, wherever it ends, and where it ends inside."""
     returned, inside = sample(back, flow)
     squared = ((flow + returned) ** 2).sum(dim=1, keepdim=True)
     size = (flow**2 + returned**2).sum(dim=1, keepdim=True)
-    return (squared < own.cycle_share * size + own.cycle_slack_px).to(flow.dtype) * inside
+    return (squared < own.cycle_share * size + own.cycle_slack_px).to(flow.dtype), inside
 
 
 def photometric_loss(
@@ -154,8 +162,8 @@ def seen_pixels(
         trusted: (B, 1, H, W): 1 where the flow of a teacher, who sees more, is consistent.
         own: the alphas.
     """
-    _, inside = sample(back, flow)
-    return cycle_consistent(flow, back, own) + (1 - inside) * trusted
+    holds, inside = _cycle(flow, back, own)
+    return holds * inside + (1 - inside) * trusted
 
 
 def smoothness_loss(flow: torch.Tensor, image: torch.Tensor, own: FlowLossSettings) -> torch.Tensor:
