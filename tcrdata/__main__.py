@@ -8,9 +8,11 @@ from __future__ import annotations
 import atexit
 import gc
 import os
+import signal
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from types import FrameType
 from typing import NoReturn
 
 
@@ -19,6 +21,7 @@ def main() -> NoReturn:
 
     Taking apart everything that was imported, object by object, takes longer than many a command.
     """
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         command()
     except SystemExit as ended:
@@ -28,6 +31,12 @@ def main() -> NoReturn:
             with suppress(OSError, ValueError):
                 stream.flush()
         os._exit(ended.code if isinstance(ended.code, int) else bool(ended.code))
+
+
+def _terminate(*_: int | FrameType | None) -> NoReturn:
+    from tcrdata.errors import Terminated
+
+    raise Terminated
 
 
 def command() -> NoReturn:

@@ -6,6 +6,10 @@ Every message says what is wrong, where (file, frame, column) and what to do.
 from __future__ import annotations
 
 
+class Terminated(KeyboardInterrupt):
+    """This process is asked to end, as a scheduler does: as Ctrl-C ends it, but with code 143."""
+
+
 class TcrdataError(Exception):
     """Base of every error that tcrdata raises on purpose."""
 

@@ -165,12 +165,12 @@ def _environment(values: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _start_worker() -> None:
-    """Hold this worker to one thread, and end it when its parent is gone.
+def end_with_parent(_: int = 0) -> None:
+    """End this worker process when the one that it works for is gone, even when that was killed.
 
-    The server may have been started by another library, with an environment of its own.
+    Args:
+        _: number of the worker, as loaders of data give it.
     """
-    os.environ.update(_ONE_THREAD)
     parent = multiprocessing.parent_process()
 
     def watch() -> None:
@@ -179,3 +179,12 @@ def _start_worker() -> None:
             os._exit(1)
 
     threading.Thread(target=watch, daemon=True).start()
+
+
+def _start_worker() -> None:
+    """Hold this worker to one thread, and to its parent's life.
+
+    The server may have been started by another library, with an environment of its own.
+    """
+    os.environ.update(_ONE_THREAD)
+    end_with_parent()

@@ -8,6 +8,8 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
@@ -78,6 +80,17 @@ def test_a_killed_worker_is_an_error_that_says_so() -> None:
         list(parallel(die, range(4)))
 
 
+def gone(process: int) -> bool:
+    """Whether a process ends within 10 s."""
+    for _ in range(100):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    return False
+
+
 def test_workers_end_with_a_killed_parent() -> None:
     code = (
         "import os, time\n"
@@ -93,13 +106,35 @@ def test_workers_end_with_a_killed_parent() -> None:
     worker = int(parent.stdout.readline())
     parent.kill()
     parent.wait()
-    for _ in range(100):
-        try:
-            os.kill(worker, 0)
-        except ProcessLookupError:
-            return
+    assert gone(worker)
+
+
+def session(leader: int) -> list[int]:
+    """Processes of a session: the sixth field of a process's state says which."""
+    found = []
+    for state in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            fields = state.read_text().rpartition(")")[2].split()
+            found += [int(state.parent.name)] if fields[3] == str(leader) else []
+    return [process for process in found if process != leader]
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="processes are listed in /proc")
+@pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGKILL])
+def test_nothing_outlives_a_training_that_is_stopped(how: signal.Signals, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "tcrdata", "train", "flow", "--from-scratch", "--store"]
+    parent = subprocess.Popen(
+        [*command, str(tmp_path / "store")], stderr=subprocess.PIPE, text=True,
+        start_new_session=True,
+    )  # fmt: skip
+    # The keeper of resources, the server, and the worker that it forks.
+    while len(session(parent.pid)) < 3 and parent.poll() is None:
         time.sleep(0.1)
-    pytest.fail(f"worker {worker} outlived its parent by 10 s")
+    parent.send_signal(how)
+    _, said = parent.communicate(timeout=60)
+    assert parent.returncode == {signal.SIGTERM: 143, signal.SIGKILL: -9}[how]
+    assert ("stopped; what is done is kept" in said) == (how == signal.SIGTERM)
+    assert all(gone(process) for process in session(parent.pid))
 
 
 @pytest.mark.parametrize(

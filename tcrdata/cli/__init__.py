@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from tcrdata.cli import overview
-from tcrdata.errors import TcrdataError
+from tcrdata.errors import TcrdataError, Terminated
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
@@ -27,9 +27,9 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
     except BrokenPipeError:
         sys.stderr.close()
         sys.exit(141)
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stopped:
         sys.stderr.write("tcrdata: stopped; what is done is kept\n")
-        sys.exit(130)
+        sys.exit(143 if isinstance(stopped, Terminated) else 130)
     except Exception as error:
         if debug:
             raise

@@ -183,8 +183,8 @@ def plan_finetuning(
         if name not in SELF_SUPERVISED:
             raise SettingsError(settings.unknown(f"loss '{name}'", name, SELF_SUPERVISED))
     weights = {name: "0" for name in SELF_SUPERVISED if name not in chosen}
-    # What is asked for by name has no help of the others.
-    weights |= {"unseen": "0"} if weights else {}
+    # What is asked for by name has no help of the others, unless that is asked for too.
+    weights |= {"unseen": grouped["losses"].get("unseen", "0")} if weights else {}
     size = teacher["settings"]["network"]["size"]
     network = RaftSettings(size, iterations=4, frozen_norms=True, both_ways=True)
     return FlowRecipe(

@@ -14,6 +14,7 @@ import torch
 from torch.utils.data import DataLoader
 
 from tcrdata.errors import SettingsError, TrainingError
+from tcrdata.executors import end_with_parent
 from tcrdata.learning.checkpoints import ModelIdentity, Progress, save_checkpoint
 from tcrdata.learning.devices import Place
 from tcrdata.learning.learner import Batch, Learner, LearnerSettings, Objective
@@ -159,6 +160,7 @@ def _batches(
         num_workers=loop.workers,
         # Forked processes could inherit locks of this one's threads.
         multiprocessing_context="forkserver" if loop.workers else None,
+        worker_init_fn=end_with_parent,
         prefetch_factor=2 * loop.batch if loop.workers else None,
     )
     samples = iter(loader)

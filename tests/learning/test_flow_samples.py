@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tcrdata.errors import FrameError, SettingsError
+from tcrdata.learning.flow_runs import plan_finetuning
 from tcrdata.learning.flow_samples import (
     GeneratedSamples,
     PairSettings,
@@ -249,3 +250,14 @@ def test_a_generated_pair_comes_with_its_mirror_images() -> None:
     np.testing.assert_array_equal(flow[1, 0], -flow[0, 0, :, ::-1])
     np.testing.assert_array_equal(flow[1, 1], flow[0, 1, :, ::-1])
     np.testing.assert_array_equal(flow[3], -flow[0, :, ::-1, ::-1])
+
+
+def test_a_loss_that_is_named_has_help_only_where_that_is_asked_for() -> None:
+    teacher = {"model_id": "t", "settings": {"network": {"size": "small"}}}
+    named = ("photometric",)
+    assert plan_finetuning(teacher, None, {}).losses.unseen > 0
+    alone = plan_finetuning(teacher, named, {}).losses
+    assert (alone.unseen, alone.teacher, alone.occlusion) == (0, 0, 0)
+    asked = {"losses.unseen": "0.01", "losses.teacher": "1"}
+    helped = plan_finetuning(teacher, named, asked).losses
+    assert (helped.unseen, helped.teacher) == (0.01, 0)
