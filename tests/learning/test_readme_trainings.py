@@ -22,6 +22,7 @@ LESS = {
     "--round 3": "--round 2",
     "train detector": "train detector --set steps=1",
     "train flow": "train flow --set steps=1",
+    "--set steps=400 --set scenes": "--set steps=1 --set scenes",
     "--selection ID": "--selection tabletop_moving",
     "model=ID": f"model={MODEL.format(kind='detector')}",
     "--flow raft": f"--flow raft --model {MODEL.format(kind='flow')}",
