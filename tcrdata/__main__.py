@@ -21,7 +21,6 @@ def main() -> NoReturn:
 
     Taking apart everything that was imported, object by object, takes longer than many a command.
     """
-    signal.signal(signal.SIGTERM, _terminate)
     try:
         command()
     except SystemExit as ended:
@@ -55,6 +54,8 @@ def command() -> NoReturn:
         executors.start_server(getattr(executors, preload))
     from tcrdata import cli
 
+    # Until here there is nothing to keep or remove, nor anyone to say so.
+    signal.signal(signal.SIGTERM, _terminate)
     cli.main()
 
 

@@ -63,9 +63,7 @@ TAUGHT_LOOP = LoopSettings(
     checkpoint_steps=25,
 )  # fmt: skip
 """The average keeps .8 of its teacher: what a drive lacks, as large motions, is not forgotten.
-
-Many small steps: with half of them, twice as large, what is learnt depends more on the seed.
-"""
+With half as many steps, twice as large, what is learnt depends more on the seed."""
 
 
 @dataclass(frozen=True)
@@ -185,9 +183,9 @@ def plan_finetuning(
     for name in chosen:
         if name not in SELF_SUPERVISED:
             raise SettingsError(settings.unknown(f"loss '{name}'", name, SELF_SUPERVISED))
-    weights = {name: "0" for name in SELF_SUPERVISED if name not in chosen}
+    left_out = {name: "0" for name in SELF_SUPERVISED if name not in chosen}
     # What is asked for by name has no help of the others, unless that is asked for too.
-    weights |= {"unseen": grouped["losses"].get("unseen", "0")} if weights else {}
+    weights = {**({"unseen": "0"} if left_out else {}), **grouped["losses"], **left_out}
     size = teacher["settings"]["network"]["size"]
     network = RaftSettings(size, iterations=4, frozen_norms=True, both_ways=True)
     return FlowRecipe(
@@ -195,7 +193,7 @@ def plan_finetuning(
         settings.overridden(TAUGHT_LOOP, grouped[""], "train"),
         None,
         pairs=settings.overridden(PairSettings(), grouped["pairs"], "pairs"),
-        losses=settings.overridden(FlowLossSettings(), {**grouped["losses"], **weights}, "losses"),
+        losses=settings.overridden(FlowLossSettings(), weights, "losses"),
         parameters=grouped["query"],
         teacher=str(teacher["model_id"]),
     )
