@@ -2,6 +2,8 @@
 -- reads: image
 set variable held_out_share = 0.2;  -- share: of each drive's pairs, its last ones, kept to check what was learnt
 set variable max_step = 1;  -- frames: that a pair to learn from spans at most; a longer step shows larger motions
+set variable most_learnt = 256;  -- frames: that begin a pair to learn from, at most, spread evenly over all drives
+set variable most_held_out = 64;  -- pairs: to check with, at most, spread evenly over all drives
 
 with listed as (
     select dataset, sequence, frame, has_image,
@@ -36,12 +38,22 @@ unbroken as (
     select *, count(*) filter (part is distinct from 'learnt') over before as broken
     from named
     window before as (partition by dataset, sequence order by frame)
+),
+counted as (
+    select *,
+           case part when 'held out' then 1
+                     when 'learnt' then least(getvariable('max_step'), count(*) over following)
+                     else 0 end as possible_steps,
+           case part when 'held out' then getvariable('most_held_out')
+                     else getvariable('most_learnt') end as most,
+           row_number() over (partition by part order by dataset, sequence, frame) as place,
+           count(*) over (partition by part) as places
+    from unbroken
+    window following as (partition by dataset, sequence, broken, part order by frame desc)
 )
 select dataset, sequence, frame, frame_to, part,
-       case part when 'held out' then 1
-                 when 'learnt' then least(getvariable('max_step'), count(*) over following)
-                 else 0 end as steps,
+       case when floor(place * most / places) > floor((place - 1) * most / places)
+            then possible_steps else 0 end as steps,
        0 as positives
-from unbroken
-window following as (partition by dataset, sequence, broken, part order by frame desc)
+from counted
 order by dataset, sequence, frame

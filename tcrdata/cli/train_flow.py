@@ -14,7 +14,7 @@ from tcrdata.settings import parse_assignments, read_toml
 
 if TYPE_CHECKING:
     from tcrdata.learning.checkpoints import ModelIdentity
-    from tcrdata.learning.flow_runs import FlowRecipe
+    from tcrdata.learning.flow_recipes import FlowRecipe
     from tcrdata.store import Store
 
 
@@ -94,7 +94,7 @@ def _recipe(
     *,
     generated: bool,
 ) -> FlowRecipe:
-    from tcrdata.learning.flow_runs import plan_finetuning, plan_on_generated
+    from tcrdata.learning.flow_recipes import plan_finetuning, plan_on_generated
 
     if start is not None and not generated:
         return plan_finetuning(start, listed(losses), values)

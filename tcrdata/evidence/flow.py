@@ -79,13 +79,16 @@ def run(cue: CueInput) -> Iterator[Rows]:
         yield from batches
 
 
-def chosen_estimator(tables: Tables | Store, settings: Settings, round: int = 1) -> Estimator:
+def chosen_estimator(
+    tables: Tables | Store, settings: Settings, round: int = 1, threads: int = 1
+) -> Estimator:
     """Return what the settings name.
 
     Args:
         tables: may hold RAFT's model; or the store that does.
         settings: method, model and iterations.
         round: EM round.
+        threads: torch's, of RAFT.
 
     Raises:
         EvidenceError: there is no such model.
@@ -94,7 +97,7 @@ def chosen_estimator(tables: Tables | Store, settings: Settings, round: int = 1)
         return Dis()
     wanted = ModelChoice(MODEL_KIND, settings.model, settings.model_store, round)
     model = read_model(tables, wanted)
-    return Raft(model.model_id, model.plain, model.weights, settings.iterations)
+    return Raft(model.model_id, model.plain, model.weights, settings.iterations, threads)
 
 
 def flow_rows(

@@ -11,7 +11,8 @@ from tcrdata.evidence.flow import Settings as CueSettings
 from tcrdata.evidence.flow import chosen_estimator
 from tcrdata.evidence.flow_quality import flow_quality
 from tcrdata.learning.checkpoints import ANY_DATASET, ModelIdentity
-from tcrdata.learning.flow_runs import FlowRecipe, flow_frames
+from tcrdata.learning.flow_recipes import FlowRecipe
+from tcrdata.learning.flow_runs import flow_frames
 from tcrdata.learning.flow_samples import HELD_OUT, StoredPairs
 from tcrdata.plan import ROUND
 from tcrdata.store import Store, Unit
@@ -47,8 +48,9 @@ def check_flow(
     pairs = StoredPairs(flow_frames(store, recipe, model.snapshot), HELD_OUT)
     if not len(pairs):
         raise MissingEvidenceError(f"{store.url}: no pair of frames is held out to check with")
+    threads = recipe.loop.threads
     networks = {
-        role: (name, chosen_estimator(store, CueSettings(method="raft", model=name)))
+        role: (name, chosen_estimator(store, CueSettings("raft", name), threads=threads))
         for role, name in (("student", model.model_id), ("teacher", recipe.teacher))
     }
     rows: list[dict[str, Any]] = []

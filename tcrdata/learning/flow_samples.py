@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from tcrdata.errors import FrameError, SettingsError
-from tcrdata.evidence.flow_cycle import measure
-from tcrdata.evidence.flow_estimators import Estimator
 from tcrdata.learning.scene_pairs import SceneSettings, scene_pair, unit_colours
 from tcrdata.learning.stream import CountedSamples
+from tcrdata.learning.taught_flows import TaughtFlows
 from tcrdata.learning.textured_planes import PlaneSettings, textured_planes
 from tcrdata.networks.flow_losses import FlowLossSettings
 from tcrdata.types import BoolArray, Float32Array, ImageArray, IntArray
@@ -127,8 +126,10 @@ class PairSettings:
     Attributes:
         height_px: of the piece that is cut out.
         width_px: of it.
-        margin_px: around it that the teacher sees, too, and where the student's flow may end.
-        teacher_iterations: corrections that the teacher makes.
+        margin_px: around it, where the student's flow may end.
+        teacher_iterations: corrections that the teacher makes, on whole images.
+        kept: pairs that the teacher is not asked about again, by each process that loads: 7.5 MB a
+            pair of 1242 x 375 px.
         scale: of the images before anything is cut.
         boxes: occlusions of one image, at most.
         least_box: smallest side of one, as a share of the piece's height.
@@ -140,6 +141,7 @@ class PairSettings:
     width_px: int = 448
     margin_px: int = 64
     teacher_iterations: int = 8
+    kept: int = 256
     scale: float = 1.0
     boxes: int = 4
     least_box: float = 0.1
@@ -152,20 +154,22 @@ class PairSettings:
                 f"pairs of {self.width_px}x{self.height_px} px at scale {self.scale:g}, margin "
                 f"{self.margin_px}: 64 px a side, a scale above 0 and no negative margin are needed"
             )
+        if self.kept < 0:
+            raise SettingsError("pairs.kept: 0 or more")
 
 
 @dataclass(frozen=True)
 class TaughtSamples:
-    """Cuts a piece of a pair, asks the teacher, and hides boxes from the student.
+    """Cuts a piece of a pair and of its teacher's flow, and hides boxes from the student.
 
     Attributes:
         pairs: what is cut and hidden.
-        teacher: sees the clean pair and a margin around the piece.
-        losses: which pixels of the teacher are trusted; nothing is hidden where occlusion is 0.
+        taught: what the teacher says of clean, whole pairs.
+        losses: nothing is hidden where occlusion is 0.
     """
 
     pairs: PairSettings
-    teacher: Estimator
+    taught: TaughtFlows
     losses: FlowLossSettings
 
     def __call__(self, sample: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
@@ -175,14 +179,13 @@ class TaughtSamples:
         """  # noqa: D205
         own = self.pairs
         first, second = (_scaled(sample[name], own) for name in ("first", "second"))
+        said = self.taught.of_pair(sample["key"], first, second)
         if own.flip and rng.random() < 0.5:
-            first, second = (np.ascontiguousarray(image[:, ::-1]) for image in (first, second))
+            first, second, said = first[:, ::-1], second[:, ::-1], said.mirrored()
         window, piece = _places(first.shape, own, rng)
-        flows = self.teacher.both_ways(first[window], second[window])
-        trusted = [self._trusted(flows[i], flows[1 - i])[piece] for i in (0, 1)]
-        taught = [flow[piece] for flow in flows]
-        around = [_framed(image[window], piece, own) for image in (first, second)]
-        images = [unit_colours(image[window][piece]) for image in (first, second)]
+        taught = [flow[piece] for flow in said.flows]
+        around = [_framed(image, window, piece, own) for image in (first, second)]
+        images = [unit_colours(image[piece]) for image in (first, second)]
         covers = [np.zeros(images[0].shape[:2], bool) for _ in range(2)]
         if self.losses.occlusion > 0:
             covers[int(rng.integers(2))] = _boxes(images[0].shape, own, rng)
@@ -195,12 +198,9 @@ class TaughtSamples:
             "input": _upright(np.concatenate(shown, axis=2)),
             "images": np.stack([_upright(image) for image in around]),
             "taught": np.stack([_upright(flow) for flow in taught]),
-            "trusted": np.stack(trusted)[:, None].astype(np.float32),
+            "trusted": np.stack([kept[piece] for kept in said.trusted])[:, None].astype(np.float32),
             "hidden": np.stack(hidden)[:, None].astype(np.float32),
         }
-
-    def _trusted(self, flow: Float32Array, back: Float32Array) -> BoolArray:
-        return measure(flow, back, self.losses.cycle_share, self.losses.cycle_slack_px).paper
 
 
 def _scaled(image: ImageArray, own: PairSettings) -> ImageArray:
@@ -220,22 +220,29 @@ def _scaled(image: ImageArray, own: PairSettings) -> ImageArray:
 def _places(
     shape: tuple[int, ...], own: PairSettings, rng: np.random.Generator
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """A random piece with its margin, in the image; and the piece in that."""
+    """A random piece of an image, with its margin and without."""
     windows, pieces = [], []
     for size, wanted in zip(shape, (own.height_px, own.width_px), strict=False):
         start = int(rng.integers(0, size - wanted + 1))
-        first, last = max(0, start - own.margin_px), min(size, start + wanted + own.margin_px)
-        windows.append(slice(first, last))
-        pieces.append(slice(start - first, start - first + wanted))
+        end = start + wanted
+        windows.append(slice(max(0, start - own.margin_px), min(size, end + own.margin_px)))
+        pieces.append(slice(start, end))
     return (windows[0], windows[1]), (pieces[0], pieces[1])
 
 
-def _framed(seen: ImageArray, piece: tuple[slice, slice], own: PairSettings) -> Float32Array:
+def _framed(
+    image: ImageArray,
+    window: tuple[slice, slice],
+    piece: tuple[slice, slice],
+    own: PairSettings,
+) -> Float32Array:
     """(H + 2 m, W + 2 m, 4): colours around a piece, and 1 where the image has any."""
-    margin = own.margin_px
+    margin, seen = own.margin_px, image[window]
     size = (own.height_px + 2 * margin, own.width_px + 2 * margin)
     framed = np.zeros((*size, 4), np.float32)
-    top, left = (margin - part.start for part in piece)
+    top, left = (
+        margin - (inner.start - outer.start) for inner, outer in zip(piece, window, strict=True)
+    )
     place = framed[top : top + len(seen), left : left + seen.shape[1]]
     place[..., :3], place[..., 3] = unit_colours(seen), 1
     return framed

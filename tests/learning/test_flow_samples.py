@@ -8,16 +8,13 @@ import duckdb
 import numpy as np
 import pytest
 
-from tcrdata.errors import FrameError, SettingsError
-from tcrdata.learning.flow_runs import plan_finetuning
+from tcrdata.errors import FrameError
+from tcrdata.learning.flow_recipes import plan_finetuning
 from tcrdata.learning.flow_samples import (
     GeneratedSamples,
-    PairSettings,
     StoredPairs,
-    TaughtSamples,
 )
 from tcrdata.learning.textured_planes import PlaneSettings
-from tcrdata.networks.flow_losses import FlowLossSettings
 from tcrdata.resources import resource_folder
 
 
@@ -48,14 +45,15 @@ def add_drive(connection: duckdb.DuckDBPyConnection, name: str, images: str) -> 
 
 
 def parts(
-    connection: duckdb.DuckDBPyConnection, held_out: float = 0.2, max_step: int = 4
+    connection: duckdb.DuckDBPyConnection, held_out: float = 0.2, **limits: int
 ) -> list[tuple[object, ...]]:
     text = (resource_folder("queries") / "training" / "flow.sql").read_text(encoding="utf-8")
     *setters, select = connection.extract_statements(text)
     for setter in setters:
         connection.execute(setter)
     connection.execute("set variable held_out_share = ?", [held_out])
-    connection.execute("set variable max_step = ?", [max_step])
+    for name, value in {"max_step": 4, **limits}.items():
+        connection.execute(f"set variable {name} = ?", [value])
     rows = connection.execute(select.query).fetchall()
     return [row[1:6] for row in rows]
 
@@ -100,97 +98,21 @@ def test_pairs_need_two_images_of_frames_that_follow_one_another(
     ]
 
 
-class Teacher:
-    """Says that all moves by (5, 0), and remembers what it saw."""
-
-    method = "raft"
-
-    def __init__(self) -> None:
-        self.seen: tuple[np.ndarray, np.ndarray] | None = None
-
-    def both_ways(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        self.seen = first, second
-        flow = np.zeros((*first.shape[:2], 2), np.float32)
-        flow[..., 0] = 5
-        return flow, -flow
-
-
-def pair_of(height: int = 90, width: int = 140) -> dict[str, object]:
-    whole = np.random.default_rng(0).integers(0, 256, (height, width + 5, 3), dtype=np.uint8)
-    return {"key": "a", "first": whole[:, 5:], "second": whole[:, :-5]}
-
-
-def piece_of(sample: dict[str, np.ndarray]) -> np.ndarray:
-    return sample["images"][:, :3, 8:-8, 8:-8]
-
-
-OWN = PairSettings(height_px=64, width_px=72, margin_px=8, flip=False)
-HIDING, SHOWING = FlowLossSettings(), FlowLossSettings(occlusion=0)
-
-
-def test_only_the_student_is_hidden_from() -> None:
-    teacher = Teacher()
-    sample = TaughtSamples(OWN, teacher, HIDING)(pair_of(), np.random.default_rng(1))
-    assert teacher.seen is not None
-    assert teacher.seen[0].shape[0] > 64
-    covered = (sample["input"].reshape(2, 3, 64, 72) != piece_of(sample)).any(axis=1)
-    assert covered.any()
-    assert not covered.all()
-    assert (covered.reshape(2, -1).any(axis=1)).sum() == 1
-    number = int(covered[1].any())
-    # Hidden in its own image; in the other one where the flow ends in a box.
-    np.testing.assert_array_equal(sample["hidden"][number, 0] > 0, covered[number])
-    shift = 5 if number == 1 else -5
-    other = sample["hidden"][1 - number, 0] > 0
-    rows, columns = np.nonzero(other)
-    assert len(rows)
-    assert covered[number][rows, columns + shift].all()
-    np.testing.assert_array_equal(sample["taught"][0, 0], 5)
-    assert sample["trusted"][0, 0, :, :60].all()
-
-
-def test_without_occlusion_the_student_sees_what_the_teacher_sees() -> None:
-    sample = TaughtSamples(OWN, Teacher(), SHOWING)(pair_of(), np.random.default_rng(1))
-    np.testing.assert_array_equal(sample["input"].reshape(2, 3, 64, 72), piece_of(sample))
-    assert not sample["hidden"].any()
-
-
-def test_the_losses_say_which_pixels_of_the_teacher_are_trusted() -> None:
-    class Unsure(Teacher):
-        def both_ways(self, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            flow, back = super().both_ways(first, second)
-            return flow, back + np.float32(2)
-
-    def share(**settings: float) -> float:
-        own = FlowLossSettings(occlusion=0, **settings)
-        sample = TaughtSamples(OWN, Unsure(), own)(pair_of(), np.random.default_rng(1))
-        return float(sample["trusted"].mean())
-
-    # |w + w''|^2 is 8, |w|^2 + |w''|^2 is 38.
-    assert share() == 0
-    assert share(cycle_slack_px=7) > 0.9
-    assert share(cycle_share=0.25) > 0.9
-
-
-def test_images_smaller_than_the_piece_are_continued_at_their_edges() -> None:
-    sample = TaughtSamples(OWN, Teacher(), SHOWING)(pair_of(40, 50), np.random.default_rng(0))
-    assert sample["images"].shape == (2, 4, 80, 88)
-    np.testing.assert_array_equal(piece_of(sample)[0, :, 40:, 0].std(axis=1), 0)
-
-
-def test_around_the_piece_is_what_the_image_has_there() -> None:
-    teacher = Teacher()
-    sample = TaughtSamples(OWN, teacher, SHOWING)(pair_of(), np.random.default_rng(1))
-    assert teacher.seen is not None
-    for image, seen in zip(sample["images"], teacher.seen, strict=True):
-        colours = image[:3, image[3].any(axis=1)][:, :, image[3].any(axis=0)]
-        np.testing.assert_allclose(colours, np.moveaxis(seen, 2, 0) / 255, atol=1e-6)
-        assert not image[:3, image[3] == 0].any()
-
-
-def test_a_piece_too_small_is_refused() -> None:
-    with pytest.raises(SettingsError, match="64 px a side"):
-        PairSettings(height_px=32)
+def test_of_many_pairs_so_many_count_as_asked_for_evenly_over_the_drives(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    for name in "abc":
+        add_drive(shell, name, "i" * 13)
+    rows = parts(shell, 0.25, max_step=1, most_learnt=6, most_held_out=4)
+    begun = {
+        part: [(drive, frame) for drive, frame, _, of, steps in rows if of == part and steps]
+        for part in ("learnt", "held out")
+    }
+    assert begun == {
+        "learnt": [("a", 3), ("a", 7), ("b", 3), ("b", 7), ("c", 3), ("c", 7)],
+        "held out": [("a", 11), ("b", 10), ("c", 9), ("c", 11)],
+    }
+    assert parts(shell, 0.25, most_learnt=24, most_held_out=9) == parts(shell, 0.25)
 
 
 class Rows:

@@ -12,7 +12,7 @@ import pytest
 
 from tcrdata import registry
 from tcrdata.errors import DatasetError, SettingsError
-from tcrdata.learning.flow_runs import plan_on_generated
+from tcrdata.learning.flow_recipes import plan_on_generated
 from tcrdata.learning.flow_samples import GeneratedSamples
 from tcrdata.learning.scene_pairs import FIRST_SEED, ROOTS, SceneSettings, scene_pair
 from tcrdata.learning.textured_planes import FlowPair, PlaneSettings, textured_planes
