@@ -23,6 +23,10 @@ def main() -> NoReturn:
     """
     try:
         command()
+    except KeyboardInterrupt:
+        # Before the command line itself is there to say so.
+        sys.stderr.write("tcrdata: stopped\n")
+        os._exit(130)
     except SystemExit as ended:
         atexit._run_exitfuncs()
         # A reader that has gone has closed them.

@@ -171,3 +171,19 @@ def test_the_command_leaves_at_once_with_its_code(ended: object, code: int) -> N
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (code, "said\nasked to be told\n")
+
+
+def test_a_command_that_is_stopped_while_it_starts_says_so_in_a_line() -> None:
+    code = (
+        "import sys\n"
+        "from tcrdata import __main__\n"
+        "class Stopped:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'tcrdata.cli':\n"
+        "            raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Stopped())\n"
+        "sys.argv = ['tcrdata', 'models']\n"
+        "__main__.main()\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (ended.returncode, ended.stderr) == (130, "tcrdata: stopped\n")
