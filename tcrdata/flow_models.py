@@ -109,7 +109,8 @@ def copy_model(source: Store, target: Store, model: str | None = None) -> str:
     if chosen is None:
         raise MissingEvidenceError(f"{source.url}: no flow network: see `tcrdata models`")
     row = next(row for row in model_rows(source) if row["model_id"] == chosen["model_id"])
-    if row["model_id"] not in {known["model_id"] for known in model_rows(target)}:
+    done = {known["model_id"] for known in model_rows(target) if known["finished"]}
+    if row["model_id"] not in done:
         names = ("kind", "network", "labels_round", "selection_id", "snapshot", "query", "seed")
         own = {name: row[name] for name in names}
         identity = ModelIdentity(settings=json.loads(row["settings"]), **own)

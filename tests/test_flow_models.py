@@ -108,3 +108,29 @@ def test_a_student_of_a_student_replaces_it(shell: duckdb.DuckDBPyConnection) ->
     add_check(shell, "third", "second", (0.9, 0.03), (0.8, 0.04))
     used = {name for name, (_, in_use) in states(shell).items() if in_use}
     assert used == {"third"}
+
+
+def test_who_is_taught_by_a_rejected_one_is_not_used_either(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_model(shell, "rejected", "origin")
+    add_check(shell, "rejected", "origin", (0.5, 0.06), (0.7, 0.05))
+    for name, teacher, share in (("better", "rejected", 0.6), ("best", "better", 0.65)):
+        add_model(shell, name, teacher)
+        add_check(shell, name, teacher, (share, 0.05), (share - 0.1, 0.06))
+    assert states(shell) == {
+        "origin": ("origin", True),
+        "rejected": ("rejected", False),
+        "better": ("promoted", False),
+        "best": ("promoted", False),
+    }
+
+
+def test_a_student_of_a_network_that_was_brought_unchecked_is_used(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_model(shell, "brought", "elsewhere")
+    add_model(shell, "student", "brought")
+    add_check(shell, "student", "brought", (0.8, 0.04), (0.7, 0.05))
+    assert states(shell)["brought"] == ("unchecked", False)
+    assert states(shell)["student"] == ("promoted", True)

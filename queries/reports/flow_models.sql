@@ -1,12 +1,13 @@
 -- Which flow network is in use: a finetuned one replaces its teacher only when, on pairs that it did
 -- not learn from, more of its flow is cycle-consistent and the images agree at least as well. One
--- that went on learning from generated pairs stands in for the one that it began with.
+-- that went on learning from generated pairs stands in for the one that it began with. Who was
+-- taught by a rejected one is in use no more than that one: it was never compared with what is.
 set variable min_consistent_gain = 0.0;    -- share: by which the student's consistent share must exceed the teacher's
 set variable max_photometric_ratio = 1.0;  -- ratio: of the student's photometric error to the teacher's, at most
 set variable min_held_out_pairs = 1;       -- pairs: that both were measured on, at least
 
 -- Sums of decimals are the same in any order, those of doubles are not.
-with measured as (
+with recursive measured as (
     select model_id, role, any_value(measured_id) as measured_id, count(*) as pairs,
            sum(consistent_share::decimal(18, 12))::double / count(*) as consistent_share,
            sum(photometric_error::decimal(18, 12))::double / count(photometric_error)
@@ -38,10 +39,20 @@ stated as (
     from models m
     left join judged j using (model_id)
     where m.kind = 'flow'
+),
+barred as (
+    select model_id from stated where state = 'rejected'
+    union
+    select s.model_id from stated s join barred b on s.teacher_id = b.model_id
+),
+admitted as (
+    select model_id, teacher_id from stated
+    where finished and state in ('origin', 'promoted')
+    and model_id not in (select model_id from barred)
 )
 select * exclude (promoted),
-       finished and state in ('origin', 'promoted')
-       and model_id not in (select teacher_id from stated where state = 'promoted')
+       model_id in (select model_id from admitted)
+       and model_id not in (select teacher_id from admitted where teacher_id is not null)
        and model_id not in (select settings ->> '$.start' from models
                             where finished and settings ->> '$.start' is not null) as in_use
 from stated

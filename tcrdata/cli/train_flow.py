@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shlex
 import time
 from typing import TYPE_CHECKING, Any, Literal
@@ -73,6 +74,8 @@ def train_flow(
     started = time.perf_counter()
     with training_progress(recipe.loop.steps, logs) as report:
         made, progress = run(opened, recipe, resume=resume, device=device, report=report)
+    if int(os.environ.get("RANK", "0")):
+        return 0  # of several processes one checks and speaks
     if progress is None:
         console.say(f"nothing to do: model {made.model_id} is finished")
     else:
@@ -82,7 +85,7 @@ def train_flow(
             f"model {made.model_id}: RAFT {recipe.network.size}, {taught}, {progress.step:,} steps,"
             f" last loss {progress.losses[-1]:.3f}, in {time.perf_counter() - started:.1f} s"
         )
-    _finish(opened, recipe, made, store, json)
+    _finish(opened, recipe, made, store, device, json)
     return 0
 
 
@@ -145,7 +148,9 @@ def _bring(
         copy_model(open_store(model_store), store, model)
 
 
-def _finish(store: Store, recipe: FlowRecipe, model: ModelIdentity, url: str, json: bool) -> None:
+def _finish(
+    store: Store, recipe: FlowRecipe, model: ModelIdentity, url: str, device: str, json: bool
+) -> None:
     """Check a student on what was held out, and say what became of it."""
     from tcrdata.flow_models import flow_models
     from tcrdata.learning.flow_checks import check_flow
@@ -154,16 +159,25 @@ def _finish(store: Store, recipe: FlowRecipe, model: ModelIdentity, url: str, js
         with console.progress_bars() as bar:
             task = bar.add_task("check", total=None)
             check_flow(
-                store, recipe, model, lambda done, all: bar.update(task, completed=done, total=all)
-            )
-    row = next(row for row in flow_models(store) if row["model_id"] == model.model_id)
+                store, recipe, model, lambda done, all: bar.update(task, completed=done, total=all),
+                device,
+            )  # fmt: skip
+    rows = flow_models(store)
+    row = next(row for row in rows if row["model_id"] == model.model_id)
     if json:
         console.print_json(row)
     if recipe.teacher:
+        in_use = ", ".join(other["model_id"] for other in rows if other["in_use"])
         console.say(
             f"{row['state']} on {row['pairs']} pairs held out: consistent "
-            f"{row['teacher_consistent_share']:.4f} -> {row['consistent_share']:.4f}, photometric "
-            f"error {row['teacher_photometric_error']:.4f} -> {row['photometric_error']:.4f}; "
-            f"in use: {model.model_id if row['in_use'] else recipe.teacher}"
+            f"{_change(row, 'consistent_share')}, photometric error "
+            f"{_change(row, 'photometric_error')}; in use: {in_use or 'none'}"
         )
     console.say(f"next: tcrdata build ... --flow raft --store {shlex.quote(url)}")
+
+
+def _change(row: dict[str, Any], name: str) -> str:
+    """From the teacher's number to the student's; a dash where no pixel gave one."""
+    return " -> ".join(
+        "-" if value is None else f"{value:.4f}" for value in (row[f"teacher_{name}"], row[name])
+    )

@@ -80,7 +80,7 @@ def run(cue: CueInput) -> Iterator[Rows]:
 
 
 def chosen_estimator(
-    tables: Tables | Store, settings: Settings, round: int = 1, threads: int = 1
+    tables: Tables | Store, settings: Settings, round: int = 1, threads: int = 1, device: str = ""
 ) -> Estimator:
     """Return what the settings name.
 
@@ -89,6 +89,7 @@ def chosen_estimator(
         settings: method, model and iterations.
         round: EM round.
         threads: torch's, of RAFT.
+        device: torch's, of RAFT; empty for the GPU where there is one.
 
     Raises:
         EvidenceError: there is no such model.
@@ -97,7 +98,7 @@ def chosen_estimator(
         return Dis()
     wanted = ModelChoice(MODEL_KIND, settings.model, settings.model_store, round)
     model = read_model(tables, wanted)
-    return Raft(model.model_id, model.plain, model.weights, settings.iterations, threads)
+    return Raft(model.model_id, model.plain, model.weights, settings.iterations, threads, device)
 
 
 def flow_rows(

@@ -57,7 +57,7 @@ class Dis:
 
 @dataclass(frozen=True)
 class Raft:
-    """RAFT on colour images; on a GPU where there is one.
+    """RAFT on colour images.
 
     Attributes:
         model_id: the model in the store; empty for weights from elsewhere.
@@ -65,6 +65,7 @@ class Raft:
         weights: its state dict as `torch.save` writes it.
         iterations: corrections of the flow.
         threads: torch's.
+        device: torch's; empty for the GPU where there is one.
         method: value of the column `method`.
     """
 
@@ -73,6 +74,7 @@ class Raft:
     weights: bytes
     iterations: int
     threads: int = 1
+    device: str = ""
     method: str = "raft"
 
     def both_ways(self, first: ImageArray, second: ImageArray) -> tuple[Float32Array, Float32Array]:
@@ -80,7 +82,7 @@ class Raft:
         import torch
 
         torch.set_num_threads(self.threads)
-        device = "cuda" if torch.cuda.is_available() else "cpu"
+        device = self.device or ("cuda" if torch.cuda.is_available() else "cpu")
         colours = np.concatenate([_colours(first), _colours(second)], axis=2)
         pair = torch.from_numpy(np.moveaxis(colours, 2, 0).astype(np.float32) / 255)[None]
         with torch.inference_mode():

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tcrdata import settings
-from tcrdata.errors import MissingEvidenceError, StoreError
+from tcrdata.errors import ConflictError, MissingEvidenceError, StoreError
 from tcrdata.networks.trained import from_bytes, to_bytes
 from tcrdata.store import Store, Unit
 
@@ -98,8 +98,17 @@ def save_checkpoint(
         model: what it follows from.
         progress: how far it is.
         parts: `average` and `state`, as `torch.save` takes them.
+
+    Raises:
+        ConflictError: another training has finished the model meanwhile.
     """
     finished = progress.step == progress.steps
+    known = store.read("models", dataset=ANY_DATASET, model_id=model.model_id)
+    if not finished and any(known["finished"].to_pylist()):
+        raise ConflictError(
+            f"{store.url}: another training has finished model {model.model_id} meanwhile: "
+            "it is there to use; this one ends"
+        )
     kept = {name: to_bytes(parts[name]) for name in ((AVERAGE,) if finished else (AVERAGE, STATE))}
     row = {
         "model_id": model.model_id,

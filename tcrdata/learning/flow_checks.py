@@ -11,6 +11,7 @@ from tcrdata.evidence.flow import Settings as CueSettings
 from tcrdata.evidence.flow import chosen_estimator
 from tcrdata.evidence.flow_quality import flow_quality
 from tcrdata.learning.checkpoints import ANY_DATASET, ModelIdentity
+from tcrdata.learning.devices import device_named
 from tcrdata.learning.flow_recipes import FlowRecipe
 from tcrdata.learning.flow_runs import flow_frames
 from tcrdata.learning.flow_samples import HELD_OUT, StoredPairs
@@ -25,6 +26,7 @@ def check_flow(
     recipe: FlowRecipe,
     model: ModelIdentity,
     checked: Callable[[int, int], object] = lambda *_: None,
+    device: str = "auto",
 ) -> bool:
     """Write a finished student's rows of `flow_checks`, unless they are there.
 
@@ -33,6 +35,7 @@ def check_flow(
         recipe: of the student.
         model: the student.
         checked: called after each pair: how many are done, of how many.
+        device: auto, cpu or cuda.
 
     Returns:
         Whether anything was written.
@@ -48,9 +51,9 @@ def check_flow(
     pairs = StoredPairs(flow_frames(store, recipe, model.snapshot), HELD_OUT)
     if not len(pairs):
         raise MissingEvidenceError(f"{store.url}: no pair of frames is held out to check with")
-    threads = recipe.loop.threads
+    threads, place = recipe.loop.threads, device_named(device)
     networks = {
-        role: (name, chosen_estimator(store, CueSettings("raft", name), threads=threads))
+        role: (name, chosen_estimator(store, CueSettings("raft", name), 1, threads, place))
         for role, name in (("student", model.model_id), ("teacher", recipe.teacher))
     }
     rows: list[dict[str, Any]] = []

@@ -19,6 +19,7 @@ from tcrdata.learning.checkpoints import (
 from tcrdata.learning.devices import training_place
 from tcrdata.learning.flow_recipes import FlowRecipe
 from tcrdata.learning.flow_samples import (
+    HELD_OUT,
     LEARNT,
     GeneratedPairs,
     GeneratedSamples,
@@ -61,7 +62,7 @@ def train_flow(
         done = {row["model_id"]: row["finished"] for row in model_rows(store)}
         if done.get(model.model_id):
             return model, None
-        pairs, transform, objective = _lessons(store, recipe, snapshot)
+        pairs, transform, objective = _lessons(store, recipe, snapshot, place.device)
         begun = recipe.teacher or recipe.start
         start = read_weights(store, begun, AVERAGE) if begun else None
         progress = train(
@@ -73,7 +74,7 @@ def train_flow(
 
 
 def _lessons(
-    store: Store, recipe: FlowRecipe, snapshot: str
+    store: Store, recipe: FlowRecipe, snapshot: str, device: str
 ) -> tuple[CountedSamples, Transform, Objective]:
     """Return what a recipe learns from, how it is seen, and what counts.
 
@@ -86,13 +87,17 @@ def _lessons(
             GeneratedSamples(recipe.planes, recipe.scenes),
             partial(known_flow_losses, own=recipe.known),
         )
-    pairs = StoredPairs(flow_frames(store, recipe, snapshot), LEARNT)
-    if not len(pairs):
-        raise MissingEvidenceError(
-            f"{store.url}: no pair of frames to learn from: a drive needs three pairs of "
-            "images, the last of which are held out"
-        )
-    taught = TaughtFlows(flow_teacher(store, recipe), recipe.losses, recipe.pairs.kept)
+    frames = flow_frames(store, recipe, snapshot)
+    pairs = StoredPairs(frames, LEARNT)
+    held_out = StoredPairs(frames, HELD_OUT)
+    for part, wanted in (("to learn from", pairs), ("to check with", held_out)):
+        if not len(wanted):
+            raise MissingEvidenceError(
+                f"{store.url}: no pair of frames {part} ({frames.parameters}): a drive needs three "
+                "pairs of images of one size, the last of which are held out"
+            )
+    kept_bytes = int(recipe.pairs.kept_mb * 1e6 / max(recipe.loop.workers, 1))
+    taught = TaughtFlows(flow_teacher(store, recipe, device), recipe.losses, kept_bytes)
     transform = TaughtSamples(recipe.pairs, taught, recipe.losses)
     return pairs, transform, partial(self_supervised_losses, own=recipe.losses)
 
@@ -102,11 +107,11 @@ def flow_frames(store: Store, recipe: FlowRecipe, snapshot: str) -> Frames:
     return open_frames(store, recipe.query, snapshot=snapshot, parameters=recipe.parameters)
 
 
-def flow_teacher(store: Store, recipe: FlowRecipe) -> Estimator:
-    """Return the network that is finetuned, as it was."""
+def flow_teacher(store: Store, recipe: FlowRecipe, device: str) -> Estimator:
+    """Return the network that is finetuned, as it was, for a device that torch knows."""
     iterations = recipe.pairs.teacher_iterations
     wanted = CueSettings(method="raft", model=recipe.teacher, iterations=iterations)
-    return chosen_estimator(store, wanted, threads=recipe.loop.threads)
+    return chosen_estimator(store, wanted, threads=recipe.loop.threads, device=device)
 
 
 def _begun(store: Store, recipe: FlowRecipe, processes: int) -> str:

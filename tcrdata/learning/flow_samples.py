@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -128,8 +129,8 @@ class PairSettings:
         width_px: of it.
         margin_px: around it, where the student's flow may end.
         teacher_iterations: corrections that the teacher makes, on whole images.
-        kept: pairs that the teacher is not asked about again, by each process that loads: 7.5 MB a
-            pair of 1242 x 375 px.
+        kept_mb: of what the teacher said, all processes that load together; a pair of 1242 x 375 px
+            takes 8.4.
         scale: of the images before anything is cut.
         boxes: occlusions of one image, at most.
         least_box: smallest side of one, as a share of the piece's height.
@@ -141,7 +142,7 @@ class PairSettings:
     width_px: int = 448
     margin_px: int = 64
     teacher_iterations: int = 8
-    kept: int = 256
+    kept_mb: float = 1500.0
     scale: float = 1.0
     boxes: int = 4
     least_box: float = 0.1
@@ -149,13 +150,20 @@ class PairSettings:
     flip: bool = True
 
     def __post_init__(self) -> None:
-        if min(self.height_px, self.width_px) < 64 or self.margin_px < 0 or self.scale <= 0:
+        if min(self.height_px, self.width_px) < 64 or self.margin_px < 0 or not 0 < self.scale < 16:
             raise SettingsError(
                 f"pairs of {self.width_px}x{self.height_px} px at scale {self.scale:g}, margin "
-                f"{self.margin_px}: 64 px a side, a scale above 0 and no negative margin are needed"
+                f"{self.margin_px}: 64 px a side, a scale between 0 and 16 and no negative margin "
+                "are needed"
             )
-        if self.kept < 0:
-            raise SettingsError("pairs.kept: 0 or more")
+        if not 0 <= self.kept_mb < math.inf:
+            raise SettingsError("pairs.kept_mb: 0 or more, and finite")
+        if min(self.boxes, self.teacher_iterations) < 1:
+            raise SettingsError("pairs.boxes and pairs.teacher_iterations: 1 or more")
+        if not 0 < self.least_box <= self.largest_box < math.inf:
+            raise SettingsError(
+                "pairs.least_box and pairs.largest_box: above 0, finite, and the first no larger"
+            )
 
 
 @dataclass(frozen=True)

@@ -24,6 +24,11 @@ class TaughtFlow(NamedTuple):
     flows: tuple[Float32Array, Float32Array]
     trusted: tuple[BoolArray, BoolArray]
 
+    @property
+    def size_bytes(self) -> int:
+        """Memory of the arrays."""
+        return sum(array.nbytes for array in (*self.flows, *self.trusted))
+
     def mirrored(self) -> TaughtFlow:
         """Return the flow of the pair with left and right changed: views where it can be."""
         turned = np.array([-1, 1], np.float32)
@@ -33,21 +38,22 @@ class TaughtFlow(NamedTuple):
 
 
 class TaughtFlows:
-    """Asks the teacher once for a pair, as long as no more pairs than are kept come between.
+    """Asks the teacher once for a pair, as long as what comes between leaves it room.
 
     What it says of a pair is the same whether it was kept or not. Picklable.
     """
 
-    def __init__(self, teacher: Estimator, losses: FlowLossSettings, most: int) -> None:
+    def __init__(self, teacher: Estimator, losses: FlowLossSettings, most_bytes: int) -> None:
         """Ask nothing yet.
 
         Args:
             teacher: sees clean, whole images.
             losses: which of its pixels are trusted.
-            most: pairs that are kept, those asked for last; 0 keeps none.
+            most_bytes: that are kept, of the pairs asked for last; 0 keeps none.
         """
-        self._teacher, self._losses, self._most = teacher, losses, most
+        self._teacher, self._losses, self._most_bytes = teacher, losses, most_bytes
         self._kept: OrderedDict[str, TaughtFlow] = OrderedDict()
+        self._bytes = 0
 
     def of_pair(self, key: str, first: ImageArray, second: ImageArray) -> TaughtFlow:
         """Return the flow of a pair.
@@ -57,10 +63,13 @@ class TaughtFlows:
             first: (H, W, 3) RGB.
             second: of the same size.
         """
-        found = self._kept.pop(key, None) or self._looked(first, second)
-        self._kept[key] = found
-        if len(self._kept) > self._most:
-            self._kept.popitem(last=False)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        self._kept[key] = found = self._looked(first, second)
+        self._bytes += found.size_bytes
+        while self._bytes > self._most_bytes:
+            self._bytes -= self._kept.popitem(last=False)[1].size_bytes
         return found
 
     def _looked(self, first: ImageArray, second: ImageArray) -> TaughtFlow:

@@ -11,9 +11,9 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch.utils.data import DataLoader
+from torch.utils.data import DataLoader, IterableDataset
 
-from tcrdata.errors import SettingsError, TrainingError
+from tcrdata.errors import SettingsError, TcrdataError, TrainingError
 from tcrdata.executors import end_with_parent
 from tcrdata.learning.checkpoints import ModelIdentity, Progress, save_checkpoint
 from tcrdata.learning.devices import Place
@@ -155,7 +155,7 @@ def _batches(
         transform=transform,
     )
     loader = DataLoader(
-        stream,
+        _ErrorsAsValues(stream),
         batch_size=None,
         num_workers=loop.workers,
         # Forked processes could inherit locks of this one's threads.
@@ -163,9 +163,32 @@ def _batches(
         worker_init_fn=end_with_parent,
         prefetch_factor=2 * loop.batch if loop.workers else None,
     )
-    samples = iter(loader)
+    samples = map(_unless_error, loader)
     while True:
         yield collated(list(itertools.islice(samples, loop.batch)), place.device)
+
+
+class _ErrorsAsValues(IterableDataset[dict[str, Any] | TcrdataError]):
+    """A stream that ends with the error that it meets, as a value.
+
+    What a loader's process raises comes with that process's traceback in its message.
+    """
+
+    def __init__(self, stream: FrameStream) -> None:
+        super().__init__()
+        self._stream = stream
+
+    def __iter__(self) -> Iterator[dict[str, Any] | TcrdataError]:
+        try:
+            yield from self._stream
+        except TcrdataError as error:
+            yield error
+
+
+def _unless_error(sample: dict[str, Any] | TcrdataError) -> dict[str, Any]:
+    if isinstance(sample, TcrdataError):
+        raise sample
+    return sample
 
 
 def collated(samples: list[dict[str, Any]], device: str) -> Batch:

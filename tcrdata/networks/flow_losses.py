@@ -55,14 +55,14 @@ class FlowLossSettings:
     cycle_slack_px: float = 0.5
 
     def __post_init__(self) -> None:
-        if self.exponent <= 0 or self.epsilon <= 0:
-            raise SettingsError(
-                f"losses.exponent {self.exponent:g} and losses.epsilon {self.epsilon:g}: the "
-                "penalty needs both above 0"
-            )
-        for name in (*SELF_SUPERVISED, "smoothness", "unseen"):
+        for name in ("exponent", "epsilon", "decay"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise SettingsError(f"losses.{name}: above 0, and finite")
+        weights = (*SELF_SUPERVISED, "smoothness", "unseen")
+        for name in (*weights, "edge", "cycle_share", "cycle_slack_px"):
             if not 0 <= getattr(self, name) < math.inf:
-                raise SettingsError(f"losses.{name}: a weight of 0 or more is needed")
+                what = "a weight of " if name in weights else ""
+                raise SettingsError(f"losses.{name}: {what}0 or more is needed")
         if not any(getattr(self, name) > 0 for name in SELF_SUPERVISED):
             raise SettingsError(f"no loss is left: give one of {', '.join(SELF_SUPERVISED)}")
 

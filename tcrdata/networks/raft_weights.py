@@ -39,7 +39,8 @@ def read_raft_weights(path: str, size: str | None = None) -> tuple[str, dict[str
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise SettingsError(f"--weights {path}: cannot be read: {error.strerror}") from error
-    except (RuntimeError, EOFError, ValueError, KeyError, UnpicklingError) as error:
+    except (RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
+            UnpicklingError) as error:  # fmt: skip
         raise SettingsError(
             f"--weights {path}: no file of weights ({type(error).__name__}): give a state dict "
             "saved with torch.save"

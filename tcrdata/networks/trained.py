@@ -48,7 +48,8 @@ def from_bytes(data: bytes, what: str) -> Any:
     """
     try:
         return torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, ValueError, KeyError, UnpicklingError) as error:
+    except (OSError, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
+            UnpicklingError) as error:  # fmt: skip
         raise StoreError(
             f"{what}: {len(data)} bytes that are no weights ({type(error).__name__}): "
             "the store is damaged; train again"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -9,10 +10,20 @@ import pytest
 import torch
 from cli_runs import done, refused, run
 
-from tcrdata.flow_models import flow_model
-from tcrdata.learning.checkpoints import AVERAGE, read_weights
+from tcrdata.cli.train_flow import _change
+from tcrdata.errors import ConflictError
+from tcrdata.flow_models import copy_model, flow_model
+from tcrdata.learning.checkpoints import (
+    AVERAGE,
+    STATE,
+    ModelIdentity,
+    Progress,
+    read_weights,
+    save_checkpoint,
+)
 from tcrdata.store import Store, open_store
 
+IDENTITY = ("kind", "network", "labels_round", "selection_id", "snapshot", "query", "seed")
 QUICK = ("--set", "workers=0", "--set", "batch=1", "--set", "network.iterations=1")
 SCRATCH = (
     *QUICK,
@@ -135,6 +146,41 @@ def test_a_training_that_was_stopped_gives_the_same_losses(
         assert torch.equal(value, second[name]), name
 
 
+def test_loaders_and_what_they_keep_change_no_weight(
+    built: Path, taught: Path, tmp_path: Path
+) -> None:
+    url = tmp_path / "store"
+    shutil.copytree(built, url)
+    other = ("--set", "workers=2", "--set", "pairs.kept_mb=0")
+    done("train", "flow", "--store", url, *STUDENT, *other)
+    stores = [open_store(str(path)) for path in (taught, url)]
+    one, same = (next(row for row in flow_rows(store) if row["steps"] == 3) for store in stores)
+    assert one == same
+    first, second = (read_weights(store, one["model_id"], AVERAGE) for store in stores)
+    assert all(torch.equal(value, second[name]) for name, value in first.items())
+
+
+def test_a_training_that_was_begun_elsewhere_gives_way_to_the_finished_network(
+    built: Path, tmp_path: Path
+) -> None:
+    (row,) = flow_rows(source := open_store(str(built)))
+    own = {name: row[name] for name in IDENTITY}
+    identity = ModelIdentity(settings=json.loads(row["settings"]), **own)
+    weights = read_weights(source, identity.model_id, AVERAGE)
+    zeros = {name: torch.zeros_like(value) for name, value in weights.items()}
+    begun = Progress(1, 2, (1.0,), {}, 1, 0, row["parameters"])
+    target = open_store(str(tmp_path / "store"), create=True)
+    save_checkpoint(target, identity, begun, {AVERAGE: zeros, STATE: {}})
+    assert copy_model(source, target) == identity.model_id
+    assert flow_rows(target) == [row]
+    copied = read_weights(target, identity.model_id, AVERAGE)
+    assert all(torch.equal(value, copied[name]) for name, value in weights.items())
+    # The one that had begun must not undo what is finished.
+    with pytest.raises(ConflictError, match=r"finished model .* meanwhile"):
+        save_checkpoint(target, identity, begun, {AVERAGE: zeros, STATE: {}})
+    assert flow_rows(target) == [row]
+
+
 def test_a_build_measures_with_raft(taught: Path) -> None:
     dis = done("evaluate", "flow", "--store", taught, "--json").json
     done(*BUILD, "--store", taught, "--flow", "raft", "--set", "flow.iterations=2")
@@ -195,6 +241,14 @@ def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> N
         assert f"train.{setting.split('=')[0]}: " in refused(
             "train", "flow", "--store", built, "--set", setting
         )
+    assert "one pair a step" in refused(
+        "train", "flow", "--generated", "--store", built, "--set", "batch=2"
+    )
+    for limit, part in (("most_learnt=0", "learn from"), ("most_held_out=0", "check with")):
+        said = refused("train", "flow", "--store", built, *STUDENT, "--set", f"query.{limit}")
+        assert f"no pair of frames to {part}" in said
+        assert limit.replace("=", " = ") in said
+    assert flow_rows(open_store(str(built))) == [row]
     (tmp_path / "void").mkdir()
     shutil.copytree(built, tmp_path / "void", dirs_exist_ok=True)
     shutil.rmtree(tmp_path / "void" / "commits" / "demo")
@@ -202,7 +256,13 @@ def test_what_does_not_fit_together_is_refused(built: Path, tmp_path: Path) -> N
     assert "finetunes" in refused(
         "train", "flow", "--store", tmp_path / "empty", "--losses", "teacher"
     )
-    (tmp_path / "text.pth").write_text("none")
-    assert "no file of weights" in refused(
-        "train", "flow", "--store", built, "--weights", tmp_path / "text.pth"
-    )
+    for content in (b"none", b"", b"\x80\x02."):
+        (tmp_path / "text.pth").write_bytes(content)
+        assert "no file of weights" in refused(
+            "train", "flow", "--store", built, "--weights", tmp_path / "text.pth"
+        )
+
+
+def test_a_number_that_no_pixel_gave_is_a_dash() -> None:
+    row = {"teacher_photometric_error": 0.05, "photometric_error": None}
+    assert _change(row, "photometric_error") == "0.0500 -> -"

@@ -27,14 +27,15 @@ def shell() -> Iterator[duckdb.DuckDBPyConnection]:
 
 
 def add_drive(connection: duckdb.DuckDBPyConnection, name: str, images: str) -> None:
-    """A frame a letter: i with an image, . without, x unreadable."""
+    """A frame a letter: i with an image, I with a larger one, . without, x unreadable."""
     described = {
         row[0]: row[1] for row in connection.execute("describe frames").fetchall() if row[2] == "NO"
     }
     for frame, letter in enumerate(images):
         row = {column: "" if kind == "VARCHAR" else None for column, kind in described.items()}
         row |= {"dataset": "kitti", "sequence": name, "frame": frame, "round": 1}
-        row |= {"has_image": letter == "i", "status": "error" if letter == "x" else "ok"}
+        row |= {"width_px": {"i": 4, "I": 5}.get(letter), "height_px": 4}
+        row |= {"has_image": letter in "iI", "status": "error" if letter == "x" else "ok"}
         row = {
             column: ([0.0] if "[" in described.get(column, "") else 0) if value is None else value
             for column, value in row.items()
@@ -98,21 +99,60 @@ def test_pairs_need_two_images_of_frames_that_follow_one_another(
     ]
 
 
-def test_of_many_pairs_so_many_count_as_asked_for_evenly_over_the_drives(
+def begun(rows: list[tuple[object, ...]]) -> dict[object, list[tuple[object, ...]]]:
+    """Drive and frame of those that begin a pair, by part."""
+    found: dict[object, list[tuple[object, ...]]] = {}
+    for drive, frame, _, part, steps in rows:
+        if steps:
+            found.setdefault(part, []).append((drive, frame))
+    return found
+
+
+def test_of_many_pairs_so_many_count_as_asked_for_evenly_over_all(
     shell: duckdb.DuckDBPyConnection,
 ) -> None:
     for name in "abc":
         add_drive(shell, name, "i" * 13)
     rows = parts(shell, 0.25, max_step=1, most_learnt=6, most_held_out=4)
-    begun = {
-        part: [(drive, frame) for drive, frame, _, of, steps in rows if of == part and steps]
-        for part in ("learnt", "held out")
-    }
-    assert begun == {
+    assert begun(rows) == {
         "learnt": [("a", 3), ("a", 7), ("b", 3), ("b", 7), ("c", 3), ("c", 7)],
         "held out": [("a", 11), ("b", 10), ("c", 9), ("c", 11)],
     }
     assert parts(shell, 0.25, most_learnt=24, most_held_out=9) == parts(shell, 0.25)
+
+
+def test_frames_of_no_chosen_pair_are_left_out(shell: duckdb.DuckDBPyConnection) -> None:
+    add_drive(shell, "a", "i" * 13)
+    rows = parts(shell, 0.25, max_step=2, most_learnt=2, most_held_out=1)
+    assert [row[1:] for row in rows] == [
+        (3, 4, "learnt", 2),
+        (4, 5, "learnt", 0),
+        (5, 6, "learnt", 0),
+        (7, 8, "learnt", 1),
+        (8, 9, None, 0),
+        (11, 12, "held out", 1),
+        (12, None, None, 0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("limits", "left"),
+    [({"max_step": 0}, {"held out"}), ({"max_step": -2}, {"held out"}),
+     ({"most_learnt": 0}, {"held out"}), ({"most_held_out": -1}, {"learnt"})],
+)  # fmt: skip
+def test_a_limit_of_none_leaves_none(
+    shell: duckdb.DuckDBPyConnection, limits: dict[str, int], left: set[str]
+) -> None:
+    add_drive(shell, "a", "i" * 8)
+    assert begun(parts(shell, **limits)).keys() == left
+
+
+def test_images_of_two_sizes_are_no_pair(shell: duckdb.DuckDBPyConnection) -> None:
+    add_drive(shell, "a", "iiiIIiii")
+    assert begun(parts(shell, 0.2, max_step=3)) == {
+        "learnt": [("a", 0), ("a", 1), ("a", 3)],
+        "held out": [("a", 6)],
+    }
 
 
 class Rows:

@@ -10,10 +10,18 @@ import pytest
 from cli_runs import done, refused
 from learnt_worlds import SELECTION, TINY, label, learnt_world, select_by_hand
 
-from tcrdata.errors import MissingEvidenceError, SettingsError, StoreError, TrainingError
+from tcrdata.errors import (
+    FrameError,
+    MissingEvidenceError,
+    SettingsError,
+    StoreError,
+    TrainingError,
+)
 from tcrdata.learning.checkpoints import model_rows, read_weights
+from tcrdata.learning.devices import Place
 from tcrdata.learning.runs import plan_recipe, run_training
-from tcrdata.learning.training import Report, one_cycle
+from tcrdata.learning.stream import FrameStream
+from tcrdata.learning.training import LoopSettings, Report, _batches, one_cycle
 from tcrdata.store import Store
 from tcrdata.trainings import unheard_presets
 
@@ -23,6 +31,39 @@ SEGMENTER = {"steps": "2", "batch": "1", "workers": "0", "network.width": "8"}
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Store:
     return learnt_world(tmp_path_factory.mktemp("world"))
+
+
+class Broken:
+    """Samples of which the third cannot be read."""
+
+    def __len__(self) -> int:
+        return 8
+
+    def __getitem__(self, number: int) -> dict[str, object]:
+        if number == 3:
+            raise FrameError("frame 3: no image")
+        return {"key": str(number), "input": np.full(2, number, np.float32)}
+
+    def column(self, name: str) -> list[object]:
+        return [0] * len(self)
+
+    def drives(self) -> np.ndarray:
+        return np.zeros(len(self), np.int64)
+
+
+def unchanged(sample: dict[str, object], _: np.random.Generator) -> dict[str, object]:
+    return sample
+
+
+@pytest.mark.parametrize("workers", [0, 1, 2])
+def test_what_a_loader_cannot_read_is_told_in_its_turn_and_words(workers: int) -> None:
+    loop = LoopSettings(batch=1, workers=workers, seed=1)
+    order = [str(number) for number in FrameStream(Broken(), seed=1)._order(0)]
+    batches = _batches(Broken(), unchanged, loop, Place("cpu"), 0)
+    before = order[: order.index("3")]
+    assert [next(batches)["key"] for _ in before] == [[key] for key in before]
+    with pytest.raises(FrameError, match=r"^frame 3: no image$"):
+        next(batches)
 
 
 def losses_of(store: Store, **changes: str) -> tuple[float, ...]:

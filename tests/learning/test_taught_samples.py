@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -45,9 +47,10 @@ HIDING, SHOWING = FlowLossSettings(), FlowLossSettings(occlusion=0)
 
 
 def samples(
-    teacher: Teacher, losses: FlowLossSettings = SHOWING, own: PairSettings = OWN, kept: int = 2
+    teacher: Teacher, losses: FlowLossSettings = SHOWING, own: PairSettings = OWN, kept: float = 2
 ) -> TaughtSamples:
-    return TaughtSamples(own, TaughtFlows(teacher, losses, kept), losses)
+    """With room for so many pairs of 90 x 140 px."""
+    return TaughtSamples(own, TaughtFlows(teacher, losses, int(kept * 90 * 140 * 18)), losses)
 
 
 def test_only_the_student_is_hidden_from() -> None:
@@ -145,7 +148,7 @@ def test_around_the_piece_is_what_the_image_has_there() -> None:
 
 def test_a_teacher_is_asked_once_about_a_whole_pair_while_that_is_kept() -> None:
     teacher = Counting()
-    made = samples(teacher, kept=2)
+    made = samples(teacher, kept=2.5)
     drawn = [
         made({**numbered_pair(), "key": key}, np.random.default_rng(number))
         for number, key in enumerate("ababcab")
@@ -168,15 +171,29 @@ def test_a_piece_too_small_is_refused() -> None:
         PairSettings(height_px=32)
 
 
-def test_fewer_pairs_than_none_cannot_be_kept() -> None:
-    with pytest.raises(SettingsError, match=r"pairs\.kept: 0 or more"):
-        PairSettings(kept=-1)
+@pytest.mark.parametrize(
+    ("setting", "said"),
+    [
+        ({"kept_mb": -1}, "pairs.kept_mb"),
+        ({"kept_mb": math.nan}, "pairs.kept_mb"),
+        ({"scale": math.nan}, "a scale between 0 and 16"),
+        ({"boxes": 0}, "pairs.boxes"),
+        ({"teacher_iterations": 0}, "pairs.teacher_iterations"),
+        ({"least_box": 0.5}, "pairs.least_box"),
+        ({"largest_box": -1}, "pairs.largest_box"),
+    ],
+)
+def test_settings_that_nothing_can_be_cut_with_are_refused(
+    setting: dict[str, float], said: str
+) -> None:
+    with pytest.raises(SettingsError, match=re.escape(said)):
+        PairSettings(**setting)
 
 
-def test_how_many_pairs_are_kept_changes_no_model() -> None:
+def test_how_much_is_kept_changes_no_model() -> None:
     teacher = {"model_id": "a", "settings": {"network": {"size": "small"}}}
 
     def made(assignments: dict[str, str]) -> str:
         return plan_finetuning(teacher, None, assignments).identity("snapshot").model_id
 
-    assert made({"pairs.kept": "5"}) == made({}) != made({"pairs.boxes": "5"})
+    assert made({"pairs.kept_mb": "5"}) == made({}) != made({"pairs.boxes": "5"})
