@@ -7,7 +7,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from tcrdata.errors import SettingsError
+from tcrdata.errors import ConflictError, SettingsError
 from tcrdata.outcomes import UnitOutcome
 from tcrdata.plan import ROUND
 from tcrdata.rules import Selection, load_preset, preset_names
@@ -98,18 +98,28 @@ def learn(store: Store, recipe: Recipe, labels: Selection, trained: Trained) -> 
         MissingEvidenceError: there are no positive labels.
         TrainingError: the training goes astray.
     """
+    from tcrdata.learning.checkpoints import is_finished
+    from tcrdata.learning.frames import freeze_training_tables
     from tcrdata.learning.runs import run_training
 
     row = known_model(store, recipe, labels.selection_id)
-    model, made = run_training(
-        store,
-        recipe,
-        selection_id=labels.selection_id,
-        snapshot=row["snapshot"] if row else None,
-        resume=row is not None and not row["finished"],
-        report=lambda report: trained(labels.round, recipe.kind, report),
-    )
+    snapshot = row["snapshot"] if row else freeze_training_tables(store)
+    model = recipe.identity(labels.selection_id, labels.round, snapshot)
     unit = Unit(model.unit.stage, model.unit.dataset, model.model_id, labels.round)
+    try:
+        _, made = run_training(
+            store,
+            recipe,
+            selection_id=labels.selection_id,
+            snapshot=snapshot,
+            resume=row is not None and not row["finished"],
+            report=lambda report: trained(labels.round, recipe.kind, report),
+        )
+    except ConflictError:
+        # Of two builds at once the slower one goes on with what the other has made.
+        if not is_finished(store, model):
+            raise
+        made = None
     return UnitOutcome(unit, "made" if made else "done")
 
 

@@ -30,9 +30,14 @@ def insert(connection: duckdb.DuckDBPyConnection, table: str, row: dict[str, Any
 
 
 def add_model(
-    connection: duckdb.DuckDBPyConnection, name: str, teacher: str | None, finished: bool = True
+    connection: duckdb.DuckDBPyConnection,
+    name: str,
+    teacher: str | None = None,
+    finished: bool = True,
+    start: str | None = None,
 ) -> None:
-    settings = {"network": {"size": "small"}} | ({"teacher": teacher} if teacher else {})
+    before = {"teacher": teacher, "start": start}
+    settings = {"network": {"size": "small"}} | {name: id for name, id in before.items() if id}
     insert(connection, "models", {
         "model_id": name, "kind": "flow", "network": "raft", "labels_round": 1,
         "selection_id": "", "snapshot": "", "query": "", "settings": json.dumps(settings),
@@ -110,6 +115,38 @@ def test_a_student_of_a_student_replaces_it(shell: duckdb.DuckDBPyConnection) ->
     assert used == {"third"}
 
 
+def in_use(connection: duckdb.DuckDBPyConnection) -> set[str]:
+    return {name for name, (_, used) in states(connection).items() if used}
+
+
+def test_who_comes_after_one_that_is_not_used_is_not_used_either(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_model(shell, "rejected", "origin")
+    add_check(shell, "rejected", "origin", (0.5, 0.06), (0.7, 0.05))
+    add_model(shell, "unchecked", "origin")
+    for first in ("rejected", "unchecked"):
+        add_model(shell, f"generated-{first}", start=first)
+        for teacher in (first, f"generated-{first}"):
+            add_model(shell, f"student-{teacher}", teacher)
+            add_check(shell, f"student-{teacher}", teacher, (0.6, 0.05), (0.5, 0.06))
+    assert in_use(shell) == {"origin"}
+
+
+def test_one_that_went_on_from_generated_pairs_stands_in_for_its_start(
+    shell: duckdb.DuckDBPyConnection,
+) -> None:
+    add_model(shell, "begun", start="origin", finished=False)
+    assert in_use(shell) == {"origin"}
+    add_model(shell, "second", start="origin")
+    assert in_use(shell) == {"second"}
+    add_model(shell, "student", "second")
+    add_check(shell, "student", "second", (0.8, 0.04), (0.7, 0.05))
+    assert in_use(shell) == {"student"}
+    add_model(shell, "third", start="student")
+    assert in_use(shell) == {"third"}
+
+
 def test_who_is_taught_by_a_rejected_one_is_not_used_either(
     shell: duckdb.DuckDBPyConnection,
 ) -> None:
@@ -126,11 +163,17 @@ def test_who_is_taught_by_a_rejected_one_is_not_used_either(
     }
 
 
-def test_a_student_of_a_network_that_was_brought_unchecked_is_used(
-    shell: duckdb.DuckDBPyConnection,
+@pytest.mark.parametrize(("share", "state"), [(0.8, "promoted"), (0.6, "rejected")])
+def test_a_network_that_was_brought_is_used_until_its_student_is_promoted(
+    shell: duckdb.DuckDBPyConnection, share: float, state: str
 ) -> None:
+    shell.execute("delete from models")
     add_model(shell, "brought", "elsewhere")
+    assert states(shell) == {"brought": ("brought", True)}
     add_model(shell, "student", "brought")
-    add_check(shell, "student", "brought", (0.8, 0.04), (0.7, 0.05))
-    assert states(shell)["brought"] == ("unchecked", False)
-    assert states(shell)["student"] == ("promoted", True)
+    assert states(shell) == {"brought": ("brought", True), "student": ("unchecked", False)}
+    add_check(shell, "student", "brought", (share, 0.04), (0.7, 0.05))
+    assert states(shell) == {
+        "brought": ("brought", state == "rejected"),
+        "student": (state, state == "promoted"),
+    }

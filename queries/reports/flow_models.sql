@@ -1,7 +1,8 @@
 -- Which flow network is in use: a finetuned one replaces its teacher only when, on pairs that it did
 -- not learn from, more of its flow is cycle-consistent and the images agree at least as well. One
--- that went on learning from generated pairs stands in for the one that it began with. Who was
--- taught by a rejected one is in use no more than that one: it was never compared with what is.
+-- that went on learning from generated pairs stands in for the one that it began with. Who comes
+-- after a rejected or unchecked one is in use no more than that one: it was never compared with what
+-- is. One whose teacher is in another store was brought from there, and is taken as it is.
 set variable min_consistent_gain = 0.0;    -- share: by which the student's consistent share must exceed the teacher's
 set variable max_photometric_ratio = 1.0;  -- ratio: of the student's photometric error to the teacher's, at most
 set variable min_held_out_pairs = 1;       -- pairs: that both were measured on, at least
@@ -31,8 +32,10 @@ judged as (
 ),
 stated as (
     select m.model_id, m.network, m.settings, m.step, m.steps, m.finished,
-           m.settings ->> '$.teacher' as teacher_id, j.* exclude (model_id, teacher_id),
+           m.settings ->> '$.teacher' as teacher_id, m.settings ->> '$.start' as start_id,
+           j.* exclude (model_id, teacher_id),
            case when m.settings ->> '$.teacher' is null then 'origin'
+                when m.settings ->> '$.teacher' not in (select model_id from models) then 'brought'
                 when j.promoted is null then 'unchecked'
                 when j.promoted then 'promoted'
                 else 'rejected' end as state
@@ -41,19 +44,17 @@ stated as (
     where m.kind = 'flow'
 ),
 barred as (
-    select model_id from stated where state = 'rejected'
+    select model_id from stated where state in ('rejected', 'unchecked')
     union
-    select s.model_id from stated s join barred b on s.teacher_id = b.model_id
+    select s.model_id from stated s
+    join barred b on b.model_id in (s.teacher_id, s.start_id)
 ),
 admitted as (
-    select model_id, teacher_id from stated
-    where finished and state in ('origin', 'promoted')
-    and model_id not in (select model_id from barred)
+    select model_id, coalesce(teacher_id, start_id) as follows_id from stated
+    where finished and model_id not in (select model_id from barred)
 )
-select * exclude (promoted),
+select * exclude (promoted, start_id),
        model_id in (select model_id from admitted)
-       and model_id not in (select teacher_id from admitted where teacher_id is not null)
-       and model_id not in (select settings ->> '$.start' from models
-                            where finished and settings ->> '$.start' is not null) as in_use
+       and model_id not in (select follows_id from admitted where follows_id is not null) as in_use
 from stated
 order by model_id

@@ -103,12 +103,6 @@ def save_checkpoint(
         ConflictError: another training has finished the model meanwhile.
     """
     finished = progress.step == progress.steps
-    known = store.read("models", dataset=ANY_DATASET, model_id=model.model_id)
-    if not finished and any(known["finished"].to_pylist()):
-        raise ConflictError(
-            f"{store.url}: another training has finished model {model.model_id} meanwhile: "
-            "it is there to use; this one ends"
-        )
     kept = {name: to_bytes(parts[name]) for name in ((AVERAGE,) if finished else (AVERAGE, STATE))}
     row = {
         "model_id": model.model_id,
@@ -132,12 +126,25 @@ def save_checkpoint(
     done = settings.digest([model.model_id, progress.step])
     inputs = {"snapshot": model.snapshot, "selection": model.selection_id}
     with store.writer(model.unit, settings_hash=done, inputs=inputs) as writer:
+        # What is finished from here on, the commit itself would run into.
+        if not finished and is_finished(store, model):
+            raise ConflictError(
+                f"{store.url}: another training has finished model {model.model_id} meanwhile: "
+                "it is there to use; this one ends"
+            )
         writer.append("models", {name: [value] for name, value in row.items()})
         for part, data in kept.items():
             writer.append("weights", {
                 "model_id": [model.model_id], "part": [part], "step": [progress.step],
                 "sha256": [hashlib.sha256(data).hexdigest()], "data": [data],
             })  # fmt: skip
+
+
+def is_finished(store: Store, model: ModelIdentity) -> bool:
+    """Return whether a model is in a store and finished."""
+    columns, sequence = ["finished"], model.unit.sequence
+    rows = store.read("models", columns=columns, dataset=ANY_DATASET, sequence=sequence)
+    return any(rows["finished"].to_pylist())
 
 
 def model_rows(store: Store) -> list[dict[str, Any]]:

@@ -128,18 +128,11 @@ def plan_on_generated(
         network = RaftSettings(start["settings"]["network"]["size"], LARGER_ITERATIONS)
         loop, planes, known = LARGER_LOOP, LARGER_PLANES, KnownLossSettings(matching=1.0)
         scenes = LARGER_SCENES
-    loop = settings.overridden(loop, grouped[""], "train")
-    scenes = settings.overridden(scenes, grouped["scenes"], "scenes")
-    if loop.batch > 1 and scenes.share > 0:
-        raise SettingsError(
-            f"train.batch={loop.batch}: generated scenes have sizes of their own, one pair a step: "
-            "leave it out, or give scenes.share=0"
-        )
     return FlowRecipe(
         settings.overridden(network, grouped["network"], "network"),
-        loop,
+        settings.overridden(loop, grouped[""], "train"),
         settings.overridden(planes, grouped["planes"], "planes"),
-        scenes,
+        settings.overridden(scenes, grouped["scenes"], "scenes"),
         known=settings.overridden(known, grouped["known"], "known"),
         start=str(start["model_id"]) if start else "",
     )

@@ -16,7 +16,7 @@ from tcrdata.learning.checkpoints import (
     model_rows,
     read_weights,
 )
-from tcrdata.learning.devices import training_place
+from tcrdata.learning.devices import Place, training_place
 from tcrdata.learning.flow_recipes import FlowRecipe
 from tcrdata.learning.flow_samples import (
     HELD_OUT,
@@ -62,7 +62,7 @@ def train_flow(
         done = {row["model_id"]: row["finished"] for row in model_rows(store)}
         if done.get(model.model_id):
             return model, None
-        pairs, transform, objective = _lessons(store, recipe, snapshot, place.device)
+        pairs, transform, objective = _lessons(store, recipe, snapshot, place)
         begun = recipe.teacher or recipe.start
         start = read_weights(store, begun, AVERAGE) if begun else None
         progress = train(
@@ -74,7 +74,7 @@ def train_flow(
 
 
 def _lessons(
-    store: Store, recipe: FlowRecipe, snapshot: str, device: str
+    store: Store, recipe: FlowRecipe, snapshot: str, place: Place
 ) -> tuple[CountedSamples, Transform, Objective]:
     """Return what a recipe learns from, how it is seen, and what counts.
 
@@ -96,15 +96,19 @@ def _lessons(
                 f"{store.url}: no pair of frames {part} ({frames.parameters}): a drive needs three "
                 "pairs of images of one size, the last of which are held out"
             )
-    kept_bytes = int(recipe.pairs.kept_mb * 1e6 / max(recipe.loop.workers, 1))
-    taught = TaughtFlows(flow_teacher(store, recipe, device), recipe.losses, kept_bytes)
+    loaders = max(recipe.loop.workers, 1) * place.world_size
+    kept_bytes = int(recipe.pairs.kept_mb * 1e6 / loaders)
+    taught = TaughtFlows(flow_teacher(store, recipe, place.device), recipe.losses, kept_bytes)
     transform = TaughtSamples(recipe.pairs, taught, recipe.losses)
     return pairs, transform, partial(self_supervised_losses, own=recipe.losses)
 
 
 def flow_frames(store: Store, recipe: FlowRecipe, snapshot: str) -> Frames:
     """Return the frames of the recipe's query, as a snapshot has them."""
-    return open_frames(store, recipe.query, snapshot=snapshot, parameters=recipe.parameters)
+    return open_frames(
+        store, recipe.query, snapshot=snapshot, parameters=recipe.parameters,
+        lacking="pair of frames with images of one size",
+    )  # fmt: skip
 
 
 def flow_teacher(store: Store, recipe: FlowRecipe, device: str) -> Estimator:

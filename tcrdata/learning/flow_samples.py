@@ -129,8 +129,8 @@ class PairSettings:
         width_px: of it.
         margin_px: around it, where the student's flow may end.
         teacher_iterations: corrections that the teacher makes, on whole images.
-        kept_mb: of what the teacher said, all processes that load together; a pair of 1242 x 375 px
-            takes 8.4.
+        kept_mb: of what the teacher said, all processes of a training together; a pair of
+            1242 x 375 px takes 8.4.
         scale: of the images before anything is cut.
         boxes: occlusions of one image, at most.
         least_box: smallest side of one, as a share of the piece's height.
@@ -142,7 +142,7 @@ class PairSettings:
     width_px: int = 448
     margin_px: int = 64
     teacher_iterations: int = 8
-    kept_mb: float = 1500.0
+    kept_mb: float = 2200.0
     scale: float = 1.0
     boxes: int = 4
     least_box: float = 0.1

@@ -182,6 +182,7 @@ def open_frames(
     *,
     snapshot: str | None = None,
     parameters: Mapping[str, Any] | None = None,
+    lacking: str | None = None,
 ) -> Frames:
     """Run a training query over a snapshot and return its frames.
 
@@ -190,6 +191,7 @@ def open_frames(
         query: see `load_training_query`.
         snapshot: name of a frozen list of files; those of this moment when None.
         parameters: values of the query's variables.
+        lacking: what there is none of, where the query gives no frame; None for what it reads.
 
     Raises:
         SettingsError: an unknown query or parameter.
@@ -220,9 +222,9 @@ def open_frames(
     weakref.finalize(frames, folder.cleanup)
     if not len(frames):
         read = ", ".join(loaded.reads)
-        lacking = "positive labels" if "labels" in loaded.text else f"frames with {read}"
+        plain = "positive labels" if "labels" in loaded.text else f"frames with {read}"
         raise MissingEvidenceError(
-            f"{loaded.name} gives no frame of {store.url} ({described}): no {lacking}? "
+            f"{loaded.name} gives no frame of {store.url} ({described}): no {lacking or plain}? "
             "see `tcrdata status`"
         )
     return frames

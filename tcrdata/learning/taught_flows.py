@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from typing import NamedTuple
 
 import numpy as np
@@ -38,7 +37,7 @@ class TaughtFlow(NamedTuple):
 
 
 class TaughtFlows:
-    """Asks the teacher once for a pair, as long as what comes between leaves it room.
+    """Asks the teacher once for each pair that there is room for.
 
     What it says of a pair is the same whether it was kept or not. Picklable.
     """
@@ -49,10 +48,11 @@ class TaughtFlows:
         Args:
             teacher: sees clean, whole images.
             losses: which of its pixels are trusted.
-            most_bytes: that are kept, of the pairs asked for last; 0 keeps none.
+            most_bytes: that are kept, of the pairs asked for first: in an order that is shuffled
+                anew each time those asked for last would hardly come again before they go.
         """
         self._teacher, self._losses, self._most_bytes = teacher, losses, most_bytes
-        self._kept: OrderedDict[str, TaughtFlow] = OrderedDict()
+        self._kept: dict[str, TaughtFlow] = {}
         self._bytes = 0
 
     def of_pair(self, key: str, first: ImageArray, second: ImageArray) -> TaughtFlow:
@@ -64,12 +64,11 @@ class TaughtFlows:
             second: of the same size.
         """
         if key in self._kept:
-            self._kept.move_to_end(key)
             return self._kept[key]
-        self._kept[key] = found = self._looked(first, second)
-        self._bytes += found.size_bytes
-        while self._bytes > self._most_bytes:
-            self._bytes -= self._kept.popitem(last=False)[1].size_bytes
+        found = self._looked(first, second)
+        if self._bytes + found.size_bytes <= self._most_bytes:
+            self._kept[key] = found
+            self._bytes += found.size_bytes
         return found
 
     def _looked(self, first: ImageArray, second: ImageArray) -> TaughtFlow:

@@ -192,13 +192,23 @@ def _unless_error(sample: dict[str, Any] | TcrdataError) -> dict[str, Any]:
 
 
 def collated(samples: list[dict[str, Any]], device: str) -> Batch:
-    """Stack the arrays of samples to tensors (B, ...) on a device; other values become lists."""
+    """Stack the arrays of samples to tensors (B, ...) on a device; other values become lists.
+
+    Raises:
+        SettingsError: arrays of one name differ in size.
+    """
     batch: Batch = {}
     for name in samples[0]:
         values = [sample[name] for sample in samples]
         if not isinstance(values[0], np.ndarray | torch.Tensor):
             batch[name] = values
             continue
+        if len({tuple(value.shape) for value in values}) > 1:
+            sizes = " and ".join(sorted({str(tuple(value.shape)) for value in values}))
+            raise SettingsError(
+                f"samples of a step differ in size ({name}: {sizes}): give batch=1, or smaller "
+                "pieces"
+            )
         stacked = torch.stack([torch.as_tensor(value) for value in values])
         stacked = stacked.to(device, non_blocking=True)
         if name == "input" and stacked.ndim == 4:

@@ -55,11 +55,11 @@ class FlowLossSettings:
     cycle_slack_px: float = 0.5
 
     def __post_init__(self) -> None:
-        for name in ("exponent", "epsilon", "decay"):
+        for name in ("exponent", "epsilon"):
             if not 0 < getattr(self, name) < math.inf:
                 raise SettingsError(f"losses.{name}: above 0, and finite")
         weights = (*SELF_SUPERVISED, "smoothness", "unseen")
-        for name in (*weights, "edge", "cycle_share", "cycle_slack_px"):
+        for name in (*weights, "decay", "edge", "cycle_share", "cycle_slack_px"):
             if not 0 <= getattr(self, name) < math.inf:
                 what = "a weight of " if name in weights else ""
                 raise SettingsError(f"losses.{name}: {what}0 or more is needed")

@@ -11,19 +11,22 @@ from cli_runs import done, refused
 from learnt_worlds import SELECTION, TINY, label, learnt_world, select_by_hand
 
 from tcrdata.errors import (
+    ConflictError,
     FrameError,
     MissingEvidenceError,
     SettingsError,
     StoreError,
     TrainingError,
 )
+from tcrdata.learning import runs
 from tcrdata.learning.checkpoints import model_rows, read_weights
 from tcrdata.learning.devices import Place
 from tcrdata.learning.runs import plan_recipe, run_training
 from tcrdata.learning.stream import FrameStream
-from tcrdata.learning.training import LoopSettings, Report, _batches, one_cycle
+from tcrdata.learning.training import LoopSettings, Report, _batches, collated, one_cycle
+from tcrdata.rules.selections import Selection
 from tcrdata.store import Store
-from tcrdata.trainings import unheard_presets
+from tcrdata.trainings import learn, unheard_presets
 
 SEGMENTER = {"steps": "2", "batch": "1", "workers": "0", "network.width": "8"}
 
@@ -221,3 +224,29 @@ def test_a_training_that_would_take_parked_cars_for_background_says_so(world: St
     assert unheard_presets(world, SELECTION) == []
     select_by_hand(world, "motion", [], preset="tcrdata")
     assert unheard_presets(world, "motion") == ["tcrdata_static"]
+
+
+def test_samples_of_two_sizes_make_no_step() -> None:
+    samples = [{"input": np.zeros(size, np.float32)} for size in (2, 3)]
+    with pytest.raises(SettingsError, match=r"input: \(2,\) and \(3,\)\): give batch=1"):
+        collated(samples, "cpu")
+
+
+@pytest.mark.parametrize("finished", [True, False])
+def test_a_build_goes_on_with_what_another_has_finished_meanwhile(
+    world: Store, monkeypatch: pytest.MonkeyPatch, finished: bool
+) -> None:
+    recipe = plan_recipe("detector", {**TINY, "seed": "8" if finished else "9"})
+    labels = Selection(SELECTION, "hand", "hand", 1, "", 0, 0, 0, True)
+
+    def overtaken(store: Store, *arguments: object, **named: object) -> None:
+        if finished:
+            run_training(store, *arguments, **named)
+        raise ConflictError("another training has finished it meanwhile")
+
+    monkeypatch.setattr(runs, "run_training", overtaken)
+    if finished:
+        assert learn(world, recipe, labels, lambda *_: None).state == "done"
+        return
+    with pytest.raises(ConflictError, match="meanwhile"):
+        learn(world, recipe, labels, lambda *_: None)
