@@ -53,6 +53,7 @@ def train_flow(
         SettingsError: no such device or setting.
         TrainingError: the loss is not finite.
         StoreError: a damaged or foreign checkpoint.
+        ConflictError: another training has finished the model meanwhile.
     """
     with training_place(device) as place:
         snapshot = _begun(store, recipe, place.world_size) if resume else None

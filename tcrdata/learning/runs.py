@@ -150,6 +150,7 @@ def run_training(
         SettingsError: no such device or setting.
         TrainingError: the loss is not finite.
         StoreError: a damaged or foreign checkpoint.
+        ConflictError: another training has finished the model meanwhile.
     """
     with training_place(device) as place:
         labels_round = _round_of(store, selection_id)

@@ -107,6 +107,7 @@ def train(
     Raises:
         TrainingError: the loss is not finite; names the frames of the batch.
         StoreError: the checkpoint is damaged or another architecture's.
+        ConflictError: another training has finished the model meanwhile.
     """
     torch.set_num_threads(loop.threads)
     learner = Learner(
