@@ -7,7 +7,7 @@ import difflib
 import hashlib
 import json
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -113,3 +113,22 @@ def _parsed(text: str, kind: Any, where: str) -> Any:
         except ValueError as error:
             raise SettingsError(f"{where}: '{text}' is no {kind.__name__}") from error
     return text.strip("'\"")
+
+
+def grouped(assignments: Mapping[str, str], groups: Sequence[str]) -> dict[str, dict[str, str]]:
+    """Return assignments by the group before their dot; those without one under "".
+
+    Args:
+        assignments: name, or group.name, to text.
+        groups: that there are; each has an entry, and so has "".
+
+    Raises:
+        SettingsError: an unknown group.
+    """
+    found: dict[str, dict[str, str]] = {name: {} for name in ("", *groups)}
+    for name, text in assignments.items():
+        group, dot, attribute = name.partition(".")
+        if dot and group not in groups:
+            raise SettingsError(unknown(f"group '{group}' in '{name}'", group, groups))
+        found[group if dot else ""][attribute if dot else name] = text
+    return found

@@ -119,7 +119,7 @@ def plan_on_generated(
     Raises:
         SettingsError: an unknown name or value.
     """
-    grouped = _grouped(assignments, ("network", "planes", "scenes", "known"))
+    grouped = settings.grouped(assignments, ("network", "planes", "scenes", "known"))
     if start is None:
         network = RaftSettings(size or "small", iterations=4)
         loop, planes, known = SCRATCH_LOOP, PlaneSettings(), KnownLossSettings()
@@ -152,7 +152,7 @@ def plan_finetuning(
     Raises:
         SettingsError: an unknown name or value, or no loss.
     """
-    grouped = _grouped(assignments, ("network", "pairs", "losses", "query"))
+    grouped = settings.grouped(assignments, ("network", "pairs", "losses", "query"))
     chosen = SELF_SUPERVISED if losses is None else losses
     for name in chosen:
         if name not in SELF_SUPERVISED:
@@ -171,13 +171,3 @@ def plan_finetuning(
         parameters=grouped["query"],
         teacher=str(teacher["model_id"]),
     )
-
-
-def _grouped(assignments: Mapping[str, str], groups: tuple[str, ...]) -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = {name: {} for name in ("", *groups)}
-    for name, text in assignments.items():
-        group, dot, attribute = name.partition(".")
-        if dot and group not in groups:
-            raise SettingsError(settings.unknown(f"group '{group}' in '{name}'", group, groups))
-        found[group if dot else ""][attribute if dot else name] = text
-    return found

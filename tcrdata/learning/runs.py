@@ -103,12 +103,7 @@ def plan_recipe(kind: str, assignments: Mapping[str, str]) -> Recipe:
     """
     if kind not in NETWORKS:
         raise SettingsError(f"'{kind}' cannot be trained: choose one of {', '.join(NETWORKS)}")
-    grouped: dict[str, dict[str, str]] = {name: {} for name in ("", *GROUPS)}
-    for name, text in assignments.items():
-        group, dot, field = name.partition(".")
-        if dot and group not in GROUPS:
-            raise SettingsError(settings.unknown(f"group '{group}' in '{name}'", group, GROUPS))
-        grouped[group if dot else ""][field if dot else name] = text
+    grouped = settings.grouped(assignments, GROUPS)
     own = grouped[""]
     network, query = own.pop("network", NETWORKS[kind]), own.pop("query", kind)
     module = registry.find("networks", network)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from functools import cache
-from pickle import UnpicklingError
 
 import torch
 
 from tcrdata.errors import SettingsError
 from tcrdata.networks.raft import SIZES, Settings, make_network
+from tcrdata.networks.trained import UNREADABLE
 
 _PARALLEL = "module."
 """Before every name in a file that was saved from several GPUs, as the published ones were."""
@@ -39,8 +39,7 @@ def read_raft_weights(path: str, size: str | None = None) -> tuple[str, dict[str
         state = torch.load(path, map_location="cpu", weights_only=True)
     except OSError as error:
         raise SettingsError(f"--weights {path}: cannot be read: {error.strerror}") from error
-    except (RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
-            UnpicklingError) as error:  # fmt: skip
+    except UNREADABLE as error:
         raise SettingsError(
             f"--weights {path}: no file of weights ({type(error).__name__}): give a state dict "
             "saved with torch.save"

@@ -17,6 +17,12 @@ from tcrdata import registry
 from tcrdata.errors import StoreError
 from tcrdata.settings import overridden
 
+UNREADABLE = (
+    OSError, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
+    UnpicklingError,
+)  # fmt: skip
+"""What `torch.load` raises at bytes that it did not write."""
+
 
 @dataclass(frozen=True)
 class Trained:
@@ -48,8 +54,7 @@ def from_bytes(data: bytes, what: str) -> Any:
     """
     try:
         return torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, EOFError, ValueError, LookupError, TypeError, AttributeError,
-            UnpicklingError) as error:  # fmt: skip
+    except UNREADABLE as error:
         raise StoreError(
             f"{what}: {len(data)} bytes that are no weights ({type(error).__name__}): "
             "the store is damaged; train again"
